@@ -6,12 +6,10 @@ method of another package adds that package's files. What takes seconds to find 
 again and again (what networks say of a painting, where a capture's face is) is kept in the user's
 cache.
 
-A job is a chain of stages in one folder (`StageFolder`). A stage is done when its outputs lie under
-their final names and a small record beside them says from which inputs they were made: the stage's
-key, a hash of the package, the stage's parameters and the keys of the stages it reads. Outputs are
-written under temporary names and renamed, and the record is written last; so a job that is killed
-at any moment finds, when it is run again, either a finished stage or none, and continues from there
-to the same files as an undisturbed run.
+A stage of a job (`StageFolder`) is done when its outputs lie under their final names and a record
+beside them has its key: a hash of the package, the stage's parameters and the keys of the stages it
+reads. Outputs are written under temporary names and renamed, and the record is written last: a job
+that was killed finds, when it is run again, either a finished stage or none.
 """
 
 import dataclasses

@@ -1,23 +1,16 @@
-"""What installed packages bring, found by their entry points: commands, methods, exemplars, photos.
+"""What installed packages bring, found by their entry points (docs/plugins.md).
 
-A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``, as
-``lfportrait_eval`` does:
+A package names what it brings under ``[project.entry-points]`` in its ``pyproject.toml``. This one
+offers its own painted exemplars and modelled heads in the same way.
 
-* group ``lfportrait.commands``: data classes of the command line (`lfportrait.cli.Common`); a dot
-  in the name stands for the space in a command of two words;
-* group ``lfportrait.transfer_methods``: methods that paint a photo
-  (`lfportrait.example.PhotoMethod`);
-* group ``lfportrait.field_methods``: methods that color a field
-  (`lfportrait.stylize.FieldMethod`);
-* group ``lfportrait.styles``: functions of no argument that give ``{name: function}``, where the
-  latter makes the exemplar of that name;
-* group ``lfportrait.sittings``: functions ``(count, height, seed)`` that give photos with landmarks
-  to train a network on;
-* group ``lfportrait.exports``: kinds of files that a portrait is exported as
-  (`lfportrait.share.Export`);
-* group ``lfportrait.formats``: formats of captures (`lfportrait.capture.CaptureFormat`).
-
-This package offers its own painted exemplars and modelled heads in the same way.
+* ``lfportrait.commands``: data classes of the command line (`lfportrait.cli.Common`); a dot in the
+  name stands for the space in a command of two words;
+* ``lfportrait.transfer_methods``: methods that paint a photo (`lfportrait.example.PhotoMethod`);
+* ``lfportrait.field_methods``: methods that color a field (`lfportrait.stylize.FieldMethod`);
+* ``lfportrait.styles``: functions of no argument that give functions that make exemplars, by name;
+* ``lfportrait.sittings``: functions (count, height, seed) that give photos with landmarks;
+* ``lfportrait.exports``: kinds of files that a portrait is exported as (`lfportrait.share.Export`);
+* ``lfportrait.formats``: formats of captures (`lfportrait.capture.CaptureFormat`).
 
 Reading the entry points takes 20 to 50 ms: what is asked for by its own name never does.
 """

@@ -63,7 +63,7 @@ def test_lines_stay_whole_on_a_photo_of_a_leaning_face(face, monkeypatch):
     paint()
     monkeypatch.setattr(transfers, "HOLD", np.float32(0))
     paint()
-    monkeypatch.setattr(transfers, "drawn_lines",
+    monkeypatch.setattr(transfers.filters, "drawn_lines",
                         lambda image, *rest: np.zeros(image.shape[:2], np.uint8))
     paint()
     assert 2 * away[0] < away[1] < away[2]

@@ -7,16 +7,11 @@ arrays of its texture (``texture_...``, see `SurfaceTexture`), those of a painte
 (``backdrop_...``, see `Backdrop`), ``cone`` and ``hair`` to the file. Other stages may add arrays
 of their own (`save_field`, `read_arrays`); those that read a field alone leave them be.
 
-An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated (that
-of 11 million lattice points from 46 to 3.4 MB, in 0.2 s). Densities and colors shrink by an eighth,
-and to half where photos say little of how colors change with the direction; they hold few strings
-that come again, so that only runs and rare bytes are made use of, in a third of the time.
-`numpy.load` (and so svox2) reads both kinds.
-
-An archive's member is one stream. Large arrays are put together from pieces that are deflated and
-inflated apart from each other, by all cores; where each begins, and the sum over what it holds,
-stand in an extra field of the archive's directory, which other readers (`numpy.load`, and so svox2)
-skip.
+An ``.npz`` is a zip archive of arrays. The tables of links are nearly empty and are deflated;
+densities and colors hold few strings that come again, so that only runs and rare bytes are made use
+of. A member of the archive is one stream: large arrays are put together from pieces that all cores
+deflate and inflate; where each begins, and the sum over what it holds, stand in an extra field of
+the archive's directory, which other readers (`numpy.load`, and so svox2) skip.
 """
 
 import functools

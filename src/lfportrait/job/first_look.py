@@ -1,18 +1,13 @@
 """A first look: a portrait to turn, in the painting's style, while its field is still made.
 
-The training goes from coarse to fine, and its coarse levels are a small part of it: at half the
-resolution the head is there in a quarter of the time. That field is finished as the whole one will
-be, its skin is drawn at a few pixels, painted as previews are, and shown; then the training goes
-on. It needs no training of its own, and leaves no trace in what comes after it: nothing of the
-training's state changes, and no random number is drawn.
+A field of a coarse level is finished as the whole one will be, its skin is drawn at a few pixels,
+painted as previews are, and shown; then the training goes on. A look leaves no trace in what comes
+after it: nothing of the training's state changes, and no random number is drawn.
 
-A look is a courtesy. Where its kernels are not compiled yet it comes later, from a finer field,
-and where it can't be made the job says so in a line and goes on. If nothing but the look is wanted,
-it waits for the kernels and ends the job (`LookTaken`), which goes on from the training's
-checkpoint when it is run again.
-
-A head that is fitted to one photo is not trained. It stands long before its fine lattice is filled:
-the look is of a coarse one, even if its kernels are late.
+A look is a courtesy. Where its kernels are not compiled yet it comes later, from a finer field, and
+where it can't be made the job says so in a line and goes on. If nothing but the look is wanted, it
+waits for the kernels and ends the job (`LookTaken`), which goes on from the training's checkpoint
+when it is run again. A head that is fitted to one photo is looked at on a coarse lattice.
 
 `FirstLook` decides when; `PageLook` writes it as ``portrait.html``, which the finished page
 replaces at the end. The studio draws it as a picture.

@@ -15,13 +15,10 @@ share           all of them                     ``portrait.html``, ``sweep.mp4``
                                                 ``report.html``
 ==============  ==============================  ===================================
 
-The time that is left of a job follows from what its steps usually cost (`usual_steps`). Each stage
-shows a few steps on its progress line, and how long one takes can't be seen from the ones before
-it. So there is a table, measured on one machine. The costs depend on little that is known before
-the job begins: the number of photos, their pixels, the rays of the training. The steps that are
-still to come are added up by it. That this machine is another one, or has other work, is learnt
-from the steps that are done: all that is to come is scaled by what they took over what they were to
-take. Kernels that are being compiled beside count as a step of their own.
+The time that is left of a job is what its steps usually cost, by a table that was measured on one
+machine (`usual_steps`): how long a step takes can't be seen from the ones before it. All that is to
+come is scaled by what the steps that are done took over what they were to take. Kernels that are
+being compiled beside count as a step of their own.
 """
 
 from __future__ import annotations

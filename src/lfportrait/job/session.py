@@ -1,14 +1,7 @@
-"""A session: a head that stays in memory to try styles on it.
+"""A session: a head that stays in memory to try styles on it (docs/examples/style.md).
 
 A first preview reads field and surface, prepares a painting and lays out the lattice; after that a
-new painting takes under a second and a mixture hundredths. An app or a notebook keeps one session a
-head::
-
-    session = lf.Session("job/field.npz", "job/capture")
-    session.preview("ken.png")
-    session.mix(strength=0.7, regions={"hair": 2})
-    image = session.encode("lookingglass-16")
-    styled = session.stylize("ken.png")          # in full, when it is liked
+new painting takes under a second and a mixture hundredths.
 """
 
 from collections.abc import Sequence

@@ -1,15 +1,14 @@
 """Compile kernels ahead of their use, in separate processes, on all cores.
 
-Numba compiles a kernel when it is first called: for seconds, one at a time in a process, without a
-word. So each stage is run once on next to nothing in another process, which leaves the compiled
-code in Numba's cache on the disk: a grey ball with a face's landmarks is photographed by hand from
-a few sides, in a few pixels; a few colored squares with the same landmarks are its painting. Nobody
-looks at what comes out.
+Numba compiles a kernel when it is first called, for seconds. So each stage is run once on next to
+nothing in another process, which leaves the compiled code in Numba's cache on the disk: a grey ball
+with a face's landmarks is photographed by hand from a few sides, in a few pixels; a few colored
+squares with the same landmarks are its painting.
 
 There are as many of these processes as cores; each takes the next stage that nobody has taken, so
-that what all stages need is imported once a process. The job goes on with what needs no kernels
-yet, and waits for a stage's code where it is needed. A mark beside the cache records that a stage's
-code is there: the next run starts no process.
+that what all stages need is imported once a process. The job waits for a stage's code where it is
+needed. A mark beside the cache records that a stage's code is there: the next run starts no
+process.
 """
 
 from __future__ import annotations

@@ -1,23 +1,18 @@
 """Test patterns that show whether a panel's parameters are right.
 
-What one should see, and what a fault looks like:
+What is in them, and what a fault of the panel does to each (docs/displays.md, for people):
 
 views
-    Four charts of all view numbers, with a lamp below each. The lamps of the views that reach the
-    eye are lit, the same in all four charts: others in one of them mean another viewing distance,
-    many at once cross-talk, or a wrong pitch or slant. From the left to the right the lit numbers
-    must grow, else the views are inverted.
+    Four charts of all view numbers, a lamp below each; those that reach the eye are lit. A wrong
+    distance lights others in one chart, a wrong pitch or slant many at once.
 slant
-    The middle views are white, those to the left of them red, those to the right blue: from the
-    middle all of the panel is white. Red and blue bands along the lenses, almost upright, mean a
-    wrong pitch, level ones a wrong slant, one color all over a wrong offset.
+    The middle views are white, those to the left of them red, to the right blue. A wrong pitch
+    makes bands along the lenses, a wrong slant level ones, a wrong offset one color.
 fringe
-    Above, the left, middle and right third of the views are red, green and blue and must not mix.
-    Below, black and white bars lie a little behind the panel: their edges must have no color.
-    Colored edges mean a wrong order, or wrong cells, of the sub-pixels.
+    Thirds of the views in red, green and blue; black and white bars a little behind the panel,
+    whose edges are colored where the order of the sub-pixels is wrong.
 depth
-    Grids at five depths: on the panel, at the limits of its depth budget, and twice as deep. Those
-    at the limits should just be sharp; the nearer ones move against the eye.
+    Grids at five depths: on the panel, at the limits of its depth budget, and twice as deep.
 """
 
 from collections.abc import Callable

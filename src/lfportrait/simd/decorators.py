@@ -1,27 +1,23 @@
 """Decorators that compile kernels, lean and without reference counting, and keep what is compiled.
 
-Numba counts an array's users whenever it gets another name, and each count is an atomic operation
-on memory that all threads share. In a loop that hands arrays to small functions this took up to two
-thirds of the time of one thread, and more of two that copy from the same exemplar. So what a
-kernel does with a row or a tile is a `lean` function: its arrays are its caller's, who
-keeps them; it makes none of its own.
+Numba counts an array's users whenever it gets another name, by an atomic operation on memory that
+all threads share: in a loop that hands arrays to small functions, up to two thirds of the time. So
+what a kernel does with a row or a tile is a `lean` function: its arrays are its caller's, who keeps
+them; it makes none of its own.
 
 Besides a function's own code Numba compiles two entrances to it, one for Python and one for C, each
 with all that the function calls. Nobody takes the second one, and only a `kernel` has the first.
 
-A `woven` function is a lean one that leaves no call: its code goes into each place that calls it.
-Numba can do the same with a function's source (``inline="always"``), but then checks, types and
-translates it again in each place, several times the work for the same machine code. That is for a
-function with one caller.
+A `woven` function is a lean one that leaves no call: its machine code goes into each place that
+calls it. Numba's own way to do that with a function's source (``inline="always"``) compiles it in
+each place again; it is for a function with one caller.
 
 In all of them divisions by zero give infinity or NaN, as in NumPy.
 
 Numba finds a function's compiled code on disk by a hash of its bytecode and of a pickle of what it
-closes over. Another compiled function among the latter counts by a random identity; a type, by what
-was asked of it so far; a string that comes twice, by whether it is one object. So code of a
-factory's function is hardly ever found again. Here such functions get an identity from their names,
-the factory's parameters and the kernels' sources, and are found by it alone; an edit of any kernel
-recompiles all of them.
+closes over, which differs from process to process where that is another compiled function. So
+functions of a factory get an identity from their names, the factory's parameters and the kernels'
+sources, and are found by it alone; an edit of any kernel recompiles all of them.
 
 The identity becomes part of the function's name, too. Numba distinguishes functions of one name by
 the order in which a process compiled them, and code that comes from the disk keeps the number of
@@ -29,8 +25,7 @@ the process that wrote it: two products of a factory could bear one symbol, and 
 take either for both. Their files on the disk differ for the same reason.
 
 Processes that compile one function for other types at the same time would both take the next number
-for their code: one's would be found under the other's types. So they add to a function's files one
-after the other.
+for their code. So they add to a function's files one after the other.
 """
 
 import contextlib

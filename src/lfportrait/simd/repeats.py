@@ -1,14 +1,12 @@
 """Numba compiles with less repetition: it keeps what it has answered before.
 
-Two thirds of the time to compile a kernel pass in Numba's Python, not in LLVM. It goes over all of
-a function's calls until their types stay as they are, twice at least, and finds out again each time
-what each call means. It inspects the signature of its own code for an addition at each addition,
-has LLVM parse a module to say how large a number is, and colors messages of errors that it catches
-itself. Without this, kernels compile in four fifths of the time, to the same code.
-
-Of a kernel that comes from the disk it parses, beside the machine code, what a caller would be
-compiled with, and lists all symbols in it. Hardly any has a caller that is yet to be compiled:
-without this, a process reads its kernels in three fifths of the time.
+Two thirds of the time to compile a kernel pass in Numba's Python. It goes over all of a function's
+calls until their types stay as they are, and finds out again each time what each call means. It
+inspects the signature of its own code for an addition at each addition, has LLVM parse a module to
+say how large a number is, and colors messages of errors that it catches itself. Of a kernel that
+comes from the disk it parses what a caller would be compiled with, and lists all symbols in it.
+Without this, kernels compile in four fifths of the time, to the same code, and are read in three
+fifths.
 
 Numba's private parts are replaced here, in the versions that this was tested with; all others
 compile as they always did.

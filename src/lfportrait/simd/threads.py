@@ -12,18 +12,14 @@ A loop whose turns do not depend on each other is a kernel over some of its turn
 
     invert(image)   # all rows, on all threads
 
-Numba has threads of its own (`parallel=True`). It compiles such a loop twice for them, as part of
-its function and as a function of its own, after a search for whatever else could be done at once:
-more than half of the time to compile all kernels. Its threads also wait for each other spinning,
-which costs milliseconds a kernel where another process has the second core.
+Numba's own parallel loops (`parallel=True`) take twice as long to compile, and their threads wait
+spinning, which costs milliseconds a kernel where another process has the second core. Here the
+caller and a pool of Python threads take pieces until none is left; kernels do without Python's
+lock. A helper that is busy elsewhere is not waited for. How many threads there are is Numba's
+setting (`NUMBA_NUM_THREADS`, `numba.set_num_threads`).
 
-Here the caller and a pool of Python threads take pieces until none is left; kernels do without
-Python's lock. A helper that is busy elsewhere is not waited for. How many threads there are is
-Numba's setting (`NUMBA_NUM_THREADS`, `numba.set_num_threads`).
-
-There is a place in a kernel where threads wait for each other, too. Waking a thread from Python
-takes a tenth of a millisecond. Threads that run a kernel `together` `meet` as often as they need
-to: each counts itself, then waits until all have::
+Waking a thread from Python takes a tenth of a millisecond. So threads can also wait for each other
+in a kernel: those that run it `together` `meet` as often as they need to::
 
     @lean_kernel
     def work(number, together, bell, values):
@@ -34,8 +30,7 @@ to: each counts itself, then waits until all have::
 
     together(work, 2, values)
 
-Threads wait spinning, and after some microseconds let whoever wants have the core: another process
-may have taken one of them meanwhile.
+Threads wait spinning, and after some microseconds let whoever wants have the core.
 """
 
 import functools

@@ -140,7 +140,7 @@ def test_lines_are_copied_whole(skin, monkeypatch):
     looks = np.random.default_rng(0).random(len(skin.index), np.float32)
     rough, lined = replace(skin, appearance=looks), with_lines(drawn_face(320, 240), 48)
     SkinPainter(lined).paint(rough, step=2)
-    monkeypatch.setattr(transfers, "drawn_lines",
+    monkeypatch.setattr(transfers.filters, "drawn_lines",
                         lambda image, *rest: np.zeros(image.shape[:2], np.uint8))
     SkinPainter(lined).paint(rough, step=2)
     whole, broken = (np.mean(color[:, 0] < 0.5) for color in made)

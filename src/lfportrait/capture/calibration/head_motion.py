@@ -1,14 +1,13 @@
 """Correct the cameras for a head that moved between the photos.
 
-Nobody holds still for a minute. Structure from motion places photos by what most features are of,
-and that is the room, which never moves; a head that nodded by two degrees meanwhile is then
-photographed by cameras that are two degrees off, and its reconstruction is blurred.
+Structure from motion places photos by what most features are of, and that is the room, which never
+moves; of a head that nodded by two degrees meanwhile all cameras are two degrees off.
 
-Features of the person alone show whether that is so. Matches that two cameras can explain lie, by
-the two cameras that explain them best, a third of a pixel from where they should. By the cameras
-that were found from the whole photos they lie no farther if the person held still, and several
-times as far if not. Then the photos are placed once more, by features of the person alone and with
-the lenses that the room gave.
+Features of the person alone show whether that is so. Their matches lie a third of a pixel from
+where they should, by the two cameras that explain them best. By the cameras that were found from
+the whole photos they lie no farther if the person held still, and several times as far if not. Then
+the photos are placed once more, by features of the person alone and with the lenses that the room
+gave.
 
 Where the face's landmarks are known, and so where the head is, only features of the head count:
 shoulders often stay while it turns. Else the person is taken as rigid.

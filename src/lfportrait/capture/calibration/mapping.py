@@ -1,8 +1,7 @@
 """Place the photos (incremental mapping): several tries, the best one is kept; then the lens.
 
-Lens parameters run away while few photos are placed: behind a long lens two terms of distortion
-placed 5 of 66 photos where one term placed all. So a lens starts with one term (none, if none is
-wanted), and more are freed at the very end (`adjust`).
+Lens parameters run away while few photos are placed. So a lens starts with one term (none, if none
+is wanted), and more are freed at the very end (`adjust`).
 
 Where photos are left out that have matches with others, it is tried again: all photos at once
 instead of one after the other (COLMAP's global mapping), which needs no good pair to start from and

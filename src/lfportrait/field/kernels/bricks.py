@@ -15,9 +15,8 @@ a row is loaded as one or two vectors; the last row is zero and stands for empty
 They are laid out when colors are first asked for: what needs densities alone does not wait.
 
 A slice is nearly level: it reads rows of the lattice, at nearly one height. In bricks these are
-scattered, and a slice of a head took most of its time to wait for them; a stretch is sixteen
-lattice points on end along x, and all that lies at one height is together. Of stretches without any
-point nothing is kept but one of zeros, which stands for all of them.
+scattered; a stretch is sixteen lattice points on end along x, and all that lies at one height is
+together. Of stretches without any point one of zeros is kept, which stands for all of them.
 """
 
 import functools

@@ -1,31 +1,7 @@
-"""The jobs file: sitters, styles, displays, and parameters other than the defaults.
+"""The jobs file (docs/batches.md): sitters, styles, displays, parameters other than the defaults.
 
-::
-
-    [defaults]
-    sweeps = true                # also a video for each portrait
-    [defaults.reconstruct]
-    max_voxels = 2
-
-    [[sitter]]                   # every folder and video here is a sitter, named after it
-    photos = "monday/*"
-    [[sitter]]
-    photos = "people/*.jpg"      # one photo is enough
-    from = "face"                # as --from of `lfportrait make`
-    [[sitter]]
-    name = "anna"
-    video = "anna.mp4"
-    styles = ["ken"]             # only these
-    [sitter.stylize]
-    strength = 0.8
-
-    [[style]]
-    painting = "paintings/ken.png"
-    [[display]]
-    panel = "generic-4k"
-
-Paths are relative to the file. Parameters are those of `lfportrait make`; where several tables name
-one, a sitter's goes before a style's or a display's, and these before the defaults.
+Parameters are those of `lfportrait make`; where several tables name one, a sitter's goes before a
+style's or a display's, and these before the defaults. Paths are relative to the file.
 """
 
 import dataclasses

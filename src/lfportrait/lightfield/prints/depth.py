@@ -2,15 +2,12 @@
 
 N pixels under a lens are N directions. From one to the next, a point at depth z moves by the width
 of a lens where z = N t / n (t thickness, n refractive index of the sheet): the depth budget is
-D = 2 N t / n, a few millimetres in front of the paper and behind it. Heads are deeper, so prints
-show them flattened, as reliefs: by `fitted` just so much that all that is seen of them is sharp.
-
-An edge of a print is the frame of a window. What comes out of the window must not be cut by its
-frame, or eyes do not believe it; so whatever touches an edge is kept behind the paper.
+D = 2 N t / n, half of it in front of the paper. Heads are deeper: `fitted` flattens them by just so
+much that all that is seen of them is sharp. Nothing before the paper may be cut by its edge.
 
 Through each lens an eye sees one point of the strip of ink below it, and the whole lens in that
-color. So a view has as many columns as there are lenses. Every row of a print stands for itself,
-so some of them are enough for a small picture.
+color: a view has as many columns as there are lenses. Some of the rows are enough for a small
+picture.
 """
 
 from __future__ import annotations

@@ -1,21 +1,13 @@
 """Pages: prints with their marks, test pages, and lenses, written band by band in little memory.
 
-The marks lie in a print's border, and are cut off with the bleed when the sheet is laminated.
-From the page's edge inwards: a little white; a strip of stripes as wide as half a lens; where to
-cut, and a line of text. The stripes lie under the middle of each lens: to an eye straight in front
-a strip is black all along where the sheet lies right, and checkered where it is turned. All of them
-are black at once when the sheet is moved to where the picture is in its middle.
+What the marks and the rows of a test page show is in docs/prints.md. From the page's edge inwards:
+a little white; a strip of stripes as wide as half a lens, one under the middle of each lens; where
+to cut, and a line of text. Rows of a test page differ in pitch; the lower ones have one pitch and
+are moved from row to row by a tenth of a lens.
 
-A test page shows which pitch and which phase fit a sheet of lenses, on this printer. Each row has
-stripes under the middle of each lens, for another pitch. Seen through the sheet, a row whose pitch
-is wrong turns from black to white and back along its length; the right one is black all along, to
-an eye straight in front. The lower rows have one pitch and are moved from row to row by a tenth of
-a lens: they tell where the sheet lies.
-
-The height map of a lens sheet is for printers that print the lenses in varnish, too. Lenses that
-are to be sharp on the ink below them have the radius R = t (n - 1) / n at their top, for a sheet t
-thick of refractive index n. ``arc`` is that circle; ``sine`` has its curvature at the top and is
-smooth between the lenses, which varnish keeps better.
+Lenses that are to be sharp on the ink below them have the radius R = t (n - 1) / n at their top,
+for a sheet t thick of refractive index n. ``arc`` is that circle; ``sine`` has its curvature at the
+top and is smooth between the lenses, which varnish keeps better.
 
 TIFF and PNG files are written row by row: pages are larger than memory should be. Both formats
 carry the resolution and an sRGB profile. TIFF: one strip a band, uncompressed, which every print

@@ -28,14 +28,8 @@ Kernel               Work                                                     On
 ``shells_step``      the spheres (RMSProp)                                    a value
 ===================  =======================================================  ================
 
-Bytes that a step of R records moves (degree 2, rows of 28 floats): ``color`` reads 112 R of
-coefficients, ``paint`` reads and writes 108 R each, the others read and write about 170 R of
-records; ``march`` reads 64 bytes a sample (8 links, 8 densities), most of them from caches, and
-``blend`` 8 colors of 16 bytes a visible sample. Atomics: one exchange a record (its row's chain),
-8 compare-exchanges in the workgroup's memory a visible sample, and 3 additions a block. A step of
-2048 rays on a finished head of 0.86 million points has 10 visible samples a ray and 14,400 records:
-7 MB, which a card of 900 GB/s moves in 8 microseconds. So a step takes as long as its kernels take
-to begin and to wait for memory, one after the other; larger batches cost little more.
+A step takes as long as its kernels take to begin and to wait for memory, one after the other
+(docs/gpu.md).
 
 Buffers of the lattice hold bricks, densities, colors in pages, each within what a shader can see,
 and what is remembered of each. Notes of a step are packets, blocks, samples and records, with room
