@@ -1,15 +1,11 @@
 """Mattes of a person: sharp edges from the photo, and agreement between the views.
 
 A segmentation network answers at 256x256: right in the large, blurred at the outline and now and
-then wrong about a patch of wall. Two steps correct that.
-
-`refine_matte` decides the unsure band along the outline from the photo: near every pixel the
-colors that are surely person and surely background are each a Gaussian, and the likelier one wins;
-a guided filter (He et al. 2013, "Guided Image Filtering") then lays the edge along the photo's.
-
-`consistent_mattes` lets the views vote: a point of space that many views see as background is no
-person, so a patch that only one view calls person has nothing behind it and goes; a hole where
-nearly all views see the person is filled.
+then wrong about a patch of wall. `refine_matte` decides the unsure band along the outline: near
+every pixel the colors that are surely person and surely background are each a Gaussian, and the
+likelier one wins; a guided filter (He et al. 2013, "Guided Image Filtering") then lays the edge
+along the photo's. `consistent_mattes` lets the views vote: a patch that only one view calls person
+has nothing behind it and goes; a hole where nearly all views see the person is filled.
 """
 
 from collections.abc import Callable, Sequence

@@ -2,14 +2,12 @@
 
 SIFT features in every photo, matches between the pairs that look alike, then the photos are placed:
 by COLMAP's incremental mapping, and by other ways where that leaves photos out
-(`calibration.mapping`). A last bundle adjustment with a robust loss forgives the few wrong matches
-that survive; it also decides how many lens terms the photos determine (`calibration.lens_terms`).
-Photos of one lens share one camera (`calibration.database`); its focal length starts from what the
-camera noted in the file (`photos`).
+(`calibration.mapping`). A last bundle adjustment with a robust loss also decides how many lens
+terms the photos determine. Photos of one lens share one camera (`calibration.database`), whose
+focal length starts from what it noted in the file (`photos`).
 
-COLMAP works in a temporary folder, so that an interrupted run leaves nothing behind where results
-go. Images are numbered in the order of their names, the random seeds are fixed and the mapper runs
-on one thread: the same photos give the same cameras.
+COLMAP works in a temporary folder. Images are numbered in the order of their names, the random
+seeds are fixed and the mapper runs on one thread: the same photos give the same cameras.
 """
 
 from __future__ import annotations

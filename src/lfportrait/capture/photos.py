@@ -1,9 +1,8 @@
 """Plain photos as upright RGB pictures, with what their files say and how sharp they are.
 
-A picture that can't be read is left out with a warning: one damaged file among sixty is no reason
-to stop. HEIC, which phones write, is read by pillow-heif. What the camera wrote into the file
-(EXIF) is kept, as calibration starts from it: which lens it was, how the camera was held, and the
-focal length in pixels, which follows, in this order, from
+A picture that can't be read is left out with a warning. HEIC is read by pillow-heif. What the
+camera wrote into the file (EXIF) is kept: which lens it was, how the camera was held, and the focal
+length in pixels, which follows, in this order, from
 
 1. the focal length of an equal lens on 35-mm film (phones and most cameras),
 2. the focal length and the pixels to an inch or a centimetre of the sensor,
@@ -13,11 +12,10 @@ focal length in pixels, which follows, in this order, from
 A picture that was cropped or stitched later still has the sensor's EXIF data; so it is only an
 initial value.
 
-Sharpness is relative to other photos of the scene. Blur takes the fine detail and leaves the coarse
-one, so the measure is the energy of the second derivative at a fine scale over that at a coarse
-one: exposure and contrast cancel. A moving camera blurs in one direction only, so it is taken in
-four directions, of which the worst counts. What the scene itself has in fine detail cancels against
-the photos taken before and after.
+Sharpness is the energy of the second derivative at a fine scale over that at a coarse one: exposure
+and contrast cancel. A moving camera blurs in one direction only, so it is taken in four, of which
+the worst counts. It is relative to the photos taken before and after: what the scene itself has in
+fine detail cancels.
 """
 
 import contextlib

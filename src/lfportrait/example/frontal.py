@@ -1,22 +1,19 @@
 """Turned faces, handled with a generic head: frontal pictures of paintings, and guides of photos.
 
-Guides lead from a head to the place of a painting that shows the same, and strokes are copied as
-they lie. Neither is there for the half of a face that the painter did not show. So a painting whose
-face is turned is unrolled first: every place of a frontal picture is a place of a generic head with
-the painted person's proportions, from the symmetry of the face; the head's pose leads from there to
-the painting, and a smooth warp takes what is left of the landmarks' residuals. What turns away from
-the painter, or lies behind nose or brow, is taken from its mirror image on the other side, with the
-light of the side where it comes to lie (`frontal_light`): faces are symmetric enough (Hassner et
-al. 2015). The seam between the two runs where they differ least (graph cut: Kwatra et al. 2003). An
-eye that can be seen at all is kept; the rest of the gaze is shifted, not mirrored, so that both
-eyes look the same way. A mouth is mirrored as skin is: its far corner, a few strokes that the
-painter saw from the side, would be stretched into a smear.
+Guides lead from a head to the place of a painting that shows the same; of a turned face there is no
+such place for one half. So a painting whose face is turned is unrolled first
+(docs/turned-faces.md): every place of a frontal picture is a place of a generic head with the
+painted person's proportions; the head's pose leads from there to the painting, and a smooth warp
+takes what is left of the landmarks' residuals. What turns away from the painter, or lies behind
+nose or brow, is taken from its mirror image, with the light of the side where it comes to lie
+(`frontal_light`; Hassner et al. 2015). The seam runs where the two differ least (graph cut: Kwatra
+et al. 2003). An eye that can be seen at all is kept; the rest of the gaze is shifted, not mirrored,
+so that both eyes look the same way.
 
-Of photos of faces that are turned far (`FaceAside`), a part of the landmarks lies behind nose, brow
-and cheek. In the picture these points fall onto what hides them: a map that leads through them
-folds, and eye and mouth appear twice. So the pose of the face (`lfportrait.face.face_pose`)
-determines which landmarks are visible. The others are moved out to the outline, where the surface
-that they lie on disappears, and the guide follows what is seen of the generic head.
+Of photos of faces that are turned far (`FaceAside`), landmarks behind nose, brow and cheek fall
+onto what hides them, where the guide would fold. The pose of the face (`lfportrait.face.face_pose`)
+tells which; they are moved out to the outline, where their surface disappears, and the guide
+follows what is seen of the generic head.
 """
 
 from __future__ import annotations

@@ -1,20 +1,15 @@
-"""Painted eyes that look the same way, and of which both can be made out.
+"""Painted eyes that look the same way, and of which both can be made out (docs/turned-faces.md).
 
-A painter's far eye, seen from the front, and an eye that he placed by feeling look a little apart
-from the other: one hardly sees it in the painting, but on another person's face it is a squint. So
-both irises are moved within their lids, each by half of it, until they are as parallel as those of
-people are.
+Both irises are moved within their lids, each by half of it, until they are as parallel as those of
+people are. Where they look is found twice: by MediaPipe's landmarker, which reports a part of an
+iris's move only and is misled by paint, and by the dark discs between the lids, which are misled by
+glints and shade. Eyes are moved to the side by as much as both agree on. A disc is looked for whose
+paint is darkest against what lies to its left and right between the lids; both eyes have discs of
+one size.
 
-Where they look is found twice: by MediaPipe's landmarker, which reports a part of an iris's move
-only and is misled by paint, and by the dark discs between the lids, which are misled by glints and
-shade. Eyes are moved to the side by as much as both agree on. A disc is looked for whose paint is
-darkest against what lies to its left and right between the lids. Both eyes have discs of one size.
-
-A painter leaves one eye in the shade, or hides it behind the rim of spectacles. In his painting
-that is light; on another person's face, seen from all sides, it is a smear or a blind eye. So an
-eye with much less contrast between white and iris than the other is painted as the other one is, in
-the light and the color of its own surroundings. Iris and white are shifted, not mirrored: both eyes
-look the same way.
+An eye in the shade, or behind the rim of spectacles, would be a smear on another person's face. So
+an eye with much less contrast between white and iris than the other is painted as the other one is,
+in the light and the color of its own surroundings; iris and white are shifted, not mirrored.
 """
 
 from dataclasses import dataclass, replace

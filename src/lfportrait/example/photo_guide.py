@@ -1,18 +1,13 @@
 """Position guide of a photo, from landmarks and contours, with matched outlines.
 
-For a capture the surface says where in the exemplar a pixel belongs (`surface_guide`). A photo has
-its landmarks, the rays to hairline and outline, and signed distances from the edges of its regions.
-From the front the exemplar's own neck and shoulders fit below the face: a neck is made longer. A
-turned head lies beside its neck, though, hides one ear and shows its back, and what the face alone
-asks for below and behind it is the exemplar's background. So in videos, and for turned heads, neck
-and body are laid onto the exemplar's by their edges, and what is person or background is held on
-its side of the exemplar's outline.
+A photo has its landmarks, the rays to hairline and outline, and signed distances from the edges of
+its regions. From the front the exemplar's own neck and shoulders fit below the face: a neck is made
+longer. In videos, and for turned heads, neck and body are laid onto the exemplar's by their edges,
+and what is person or background is held on its side of the exemplar's outline.
 
-Rays find the outline and the hairline every 15 degrees, and between them, at ears, neck and
-shoulders, moving least squares only guesses. So signed distances from the edge of a region are
-compared in both pictures, and places near the edge move along the exemplar's distance until both
-agree: what is three pixels outside the target's head is looked for three pixels outside the
-exemplar's.
+Rays find the outline and the hairline every 15 degrees; between them moving least squares only
+guesses. So signed distances from the edge of a region are compared in both pictures, and places
+near the edge move along the exemplar's distance until both agree.
 """
 
 from __future__ import annotations

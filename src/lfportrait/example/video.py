@@ -1,19 +1,16 @@
 """Transfer to a video: seeds are carried from frame to frame, so that strokes are stable.
 
-Chunks lie in an anchor plane. For a photo that is the picture itself; in a video the plane is
-carried along by optical flow (`Flow`): a pixel gets the anchor of the place it came from. Where the
-flow can't be trusted, or the plane is torn, it is restarted. Landmarks and the masks of person and
-hair are carried, too, and corrected slowly by those that are found every few frames: their jitter
-is larger than what a frame's flow is off.
+Chunks lie in an anchor plane. In a video it is carried along by optical flow (`Flow`): a pixel gets
+the anchor of the place it came from. Where the flow can't be trusted, or the plane is torn, it is
+restarted. Landmarks and the masks of person and hair are carried, too, and corrected slowly by
+those that are found every few frames: their jitter is larger than what a frame's flow is off.
 
-The flow is OpenCV's DIS on a picture of half the size: chunks and masks that are carried along want
-a smooth flow of the whole, and it costs a fifth. Where the two directions disagree it can't be
-trusted; where they do nearly everywhere, the scene was cut.
+The flow is OpenCV's DIS on a picture of half the size. Where the two directions disagree it can't
+be trusted; where they do nearly everywhere, the scene was cut.
 
 A painted frame knows for each pixel which shift from the anchor plane to the exemplar it copies
-with. The anchor plane goes on with the flow, and so may the shifts: the next frame then copies the
-same strokes from their new places, as sharply as if it were painted from scratch, without guides,
-seeds and chunks. Where a frame shows what the one before did not, its guided place serves.
+with. The next frame copies the same strokes from their new places, without guides, seeds and
+chunks; where it shows what the one before did not, its guided place serves.
 """
 
 import queue

@@ -6,17 +6,12 @@ bridge of the nose, 31-35 its base, 36-41 and 42-47 the eyes, 48-59 the lips out
 The generic head stands in the portrait frame (+x to the sitter's left, +y up, +z out of the face);
 the face is about 0.8 wide. Across, its landmarks are those of the embedded head, in depth they
 follow common proportions. Between them depth is a thin-plate spline; around them lies an egg for
-skull and hair; below the chin a neck, and what is further away is a plane through the head's
-middle.
+skull and hair; below the chin a neck, and what is further away is a plane through the middle.
 
-A painter's picture has no camera; far away enough for weak perspective (scale, rotation, shift) it
-is. What the landmarks leave over is how the painter, or the person, differs from the generic head
-(`face_pose`).
-
-Seen from one side, left and right are two views of one half of a face. Each pair of mirrored
-landmarks has four numbers in the picture and three in space, so the pair determines the person's
-proportions and, where the face is turned enough, its depth (`symmetric_landmarks`). The generic
-head's depth holds what the picture leaves open.
+A painter's picture is taken for one in weak perspective (scale, rotation, shift). What the
+landmarks leave over is how the person differs from the generic head (`face_pose`). Each pair of
+mirrored landmarks has four numbers in the picture and three in space, so it determines the person's
+proportions and, where the face is turned enough, its depth (`symmetric_landmarks`).
 """
 
 import functools

@@ -1,16 +1,15 @@
 """Surface texture of a field: detail finer than its lattice, added where rays end.
 
-Lattice points are some four strokes' widths apart. So a painted head carries, beside the colors of
-its lattice, what these leave out of the painting: the difference, in a few far pictures of the head
-(charts), side by side. A ray is composited as ever (Shen et al. 2023, Eq. 1); where its
-transmittance passes one half, it has met the surface, and the texture's difference there is added
-to its color, by its opacity. The pictures are far and nearly parallel to the surface, so that a
-small error of the depth does not move a stroke.
+A painted head carries, beside the colors of its lattice, what these leave out of the painting: the
+difference, in a few far pictures of the head (charts), side by side. A ray is composited as ever
+(Shen et al. 2023, Eq. 1); where its transmittance passes one half, it has met the surface, and the
+texture's difference there is added to its color, by its opacity. The pictures are far and nearly
+parallel to the surface, so that a small error of the depth does not move a stroke.
 
 What looks from further away than the texture was painted for takes a coarser one, as texture
-pyramids do (Williams 1983), in steps of a quarter of an octave: a step of a whole one would show
-some sizes of picture half as sharp as they could be. Where the surface is turned away from a
-rendered pixel, several look-ups share its long piece of surface; a coded sub-pixel takes one.
+pyramids do (Williams 1983), in steps of a quarter of an octave. Where the surface is turned away
+from a rendered pixel, several look-ups share its long piece of surface; a coded sub-pixel takes
+one.
 """
 
 from __future__ import annotations

@@ -1,15 +1,13 @@
 """Trim the frayed lower end of a bust by a plane.
 
-Below the chest photos end one after the other, and what the last of them saw ends in rags and
-crumbs: there the mattes of a few photos alone say where the body ends and a floor or a chair
-begins. Where fewer than two fifths of the photos still show the body (one fifth, where mattes were
-given and not guessed by a network), a plane cuts it. Where they show it to its end, the lowest
-surface on each side decides: the plane goes through these ends, raised until hardly anything frays
-above it. Busts that end evenly are left alone, and so is all that hangs together with the head
-above the plane.
+Below the chest photos end one after the other, and what the last of them saw ends in rags. Where
+fewer than two fifths of the photos still show the body (one fifth, where mattes were given and not
+guessed by a network), a plane cuts it. Where they show it to its end, the lowest surface on each
+side decides: the plane goes through these ends, raised until hardly anything frays above it. Busts
+that end evenly are left alone, and so is all that hangs together with the head above the plane.
 
 Under a bust that ends before a wall, a network calls a strip of that wall clothes, in all photos
-alike. Colors tell: it has those of the wall beside the person, which the body above it has not
+alike: it has the colors of the wall beside the person, which the body above it has not
 (`above_wall`). A cut that is a little too high costs some linen; holes in it would cost more.
 """
 

@@ -3,17 +3,14 @@
 The field is placed in the display frame by a similarity: by default the middle of the head lies on
 the panel's plane, and the head, two world units high, takes 80 % of the panel's height. A
 sub-pixel's ray runs from the eye point of its view through the sub-pixel's own place on the panel:
-off-axis, never toed in, so that there is no vertical disparity. No picture of any view is made.
+off-axis, never toed in, so that there is no vertical disparity. The view of each sub-pixel is the
+mask guide, which depends on the panel alone: it is kept on disk under the display's hash and mapped
+into memory.
 
-The view of each sub-pixel is the mask guide. The views depend on the panel alone, so they are
-computed once, kept on disk under the display's hash and mapped into memory when they are needed
-again.
-
-A composed portrait stands by a rule. The face, not the middle of the head, lies in the panel's
-plane, where it is sharpest; the rest is behind it. The head is as large as its crown and the end of
-its bust allow: that ends below the picture's lower edge, and the eyes stay in its middle third. If
-the panel can't show the head's depth sharply, as far as it is seen from the front, the head is
-flattened.
+In a composed portrait the face, not the middle of the head, lies in the panel's plane, where it is
+sharpest. The head is as large as its crown and the end of its bust allow: that ends below the
+picture's lower edge, and the eyes stay in its middle third. If the panel can't show the head's
+depth sharply, as far as it is seen from the front, the head is flattened.
 """
 
 from __future__ import annotations

@@ -1,16 +1,13 @@
 """Coded pictures: made of quilts and views, taken apart, and seen by an eye.
 
-Each sub-pixel takes its color from its view, at its own place on the panel. (A field is coded
-directly, by `coding.encode`, without pictures of views.)
+Each sub-pixel takes its color from its view, at its own place on the panel. A view owns but few
+sub-pixels of each row, one in V_n at most; the rest of its picture is filled in from its own
+sub-pixels nearby, coarse to fine: sums over blocks of 2, 4, 8, ... pixels stand in wherever a block
+of the next finer size holds nothing.
 
-A view owns but few sub-pixels of each row, one in V_n at most. The rest of its picture is filled in
-from its own sub-pixels nearby, coarse to fine: sums over blocks of 2, 4, 8, ... pixels stand in
-wherever a block of the next finer size holds nothing.
-
-Every sub-pixel is seen through the lens above it in the direction of its view's eye point. An eye
-elsewhere sees, at each place of the panel, the view whose eye point lies on its line of sight
-through that place: a picture sampled once per lens along each row, which is then filled in along
-the row. Outside of its cone a panel repeats its views.
+An eye sees, at each place of the panel, the view whose eye point lies on its line of sight through
+that place: a picture sampled once per lens along each row, which is then filled in along the row.
+Outside of its cone a panel repeats its views.
 """
 
 import math

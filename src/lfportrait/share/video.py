@@ -1,22 +1,18 @@
 """Camera paths about a head, videos of them, moving light fields and loops.
 
-Videos are H.264 that every browser and player opens, with every sub-pixel kept, or HEVC or VP9.
-Fixed encoder settings on one thread and no time stamps in the file: the same frames give the same
-bytes. Colors are converted and tagged as BT.709, so that players show what the pictures hold.
+Videos are H.264 that every browser and player opens, or HEVC or VP9 for what is larger than H.264
+takes and for panels that play nothing else. Fixed encoder settings on one thread and no time stamps
+in the file: the same frames give the same bytes. Colors are converted and tagged as BT.709.
 
 Pictures coded for a light-field panel need more than the usual 4:2:0, which keeps colors at half
-the size: neighbouring sub-pixels belong to different views. ``444`` keeps all colors, ``lossless``
-all values, as RGB. Browsers play neither; mpv, VLC and ffplay do.
+the size. ``444`` keeps all colors, ``lossless`` all values, as RGB. Browsers play neither; mpv, VLC
+and ffplay do.
 
-HEVC and VP9 are for what is larger than H.264 takes, and for panels that play nothing else.
-
-A moving light field is a sequence of coded frames of a head that turns or moves through the panel's
-plane. Frames are coded and written one at a time, so that a sequence takes the memory of one. A
-folder of pictures is resumed after an interruption; a video is restarted.
+A moving light field is a sequence of coded frames, coded and written one at a time. A folder of
+pictures is resumed after an interruption; a video is restarted.
 
 The loop for messengers is short: a camera goes around an ellipse in front of the face. That shows
-parallax in both directions and has no turning points, at which a sweep seems to stop. It stays
-where a head from one photo is good.
+parallax in both directions and has no turning points, at which a sweep seems to stop.
 """
 
 from __future__ import annotations

@@ -1,20 +1,17 @@
 """Stylised fields whose strength and style can be changed, also per region, without training.
 
 Density is the same for the photo and for every painting: only the color of each lattice row
-differs. So a field can carry the photo's colors and those of one or more paintings, and what is
-shown is mixed from them, row by row, in a fraction of a second.
+differs. What is shown is mixed from them, row by row, in a fraction of a second.
 
 The file is a field's (`lfportrait.field.storage`), with the mixed colors as its own: svox2 and all
 commands that take a field show the mix. Beside them stand ``painted`` and ``photo`` as uint8,
-rounded by at most half of a level of an 8-bit picture, and the same at each further saving. A
-painting's texture (`lfportrait.field.SurfaceTexture`) is mixed with its colors, block by block;
-``painted_texels`` hold those of all styles where the mix shows anything else than the first.
+rounded by at most half of a level of an 8-bit picture, and the same at each further saving.
+``painted_texels`` hold the textures (`lfportrait.field.SurfaceTexture`) of all styles where the mix
+shows anything else than the first.
 
 Colors are planes, float32 [3, ...], sRGB in [0, 1]. Luma is Rec. 601's, and chroma the difference
-of a color from the grey of its luma: what is added to all three channels changes the luma alone.
-
-A texture holds differences, so that a share of a painting takes the same share of its texture. The
-photo has none. What takes the painting's luma away takes that of its texture, too.
+of a color from the grey of its luma. A texture holds differences, so that a share of a painting
+takes the same share of its texture; what takes the painting's luma away takes that of its texture.
 """
 
 from __future__ import annotations

@@ -4,11 +4,9 @@ The losses' weights are calibrated: at the paper's values, each term's gradient 
 the norm of that of the fit to the examples. What does not change from step to step - features of
 the real views, and of the examples - is computed once a view.
 
-With it comes the paper's way to stylise a field, by painted views (2.2): views on arcs are
-rendered, each is painted by example, and the field's colors are fitted to all of them; the
-refinement follows. Every view decides independently which chunks to take, and the fit averages what
-neighbours decided differently: the skin (`skin`) is steadier, sharper and faster. This is what
-comparisons with the paper use.
+With it comes the paper's way to stylise a field (2.2), for comparisons: views on arcs are rendered,
+each is painted by example, the field's colors are fitted to all of them, and refined. Views decide
+independently which chunks to take, so the fit averages them: the skin (`skin`) is sharper.
 
 `rehearse` takes every step of a stylisation on tiny data, to compile the kernels.
 """

@@ -1,19 +1,15 @@
 """A painted skin becomes a field's colors, and the texture of what these cannot hold.
 
-The skin is read from the file beside the field, or computed and kept there.
-
 A lattice point takes the color of the surface point above it, along the normal of the head's large
 shape. That is all a preview needs. Between lattice points, though, strokes are soft: so the charts
 themselves become the views of a least-squares fit (`fit.ColorModel`), each trusted where it owns
-the surface. No two of them disagree, so nothing is averaged away.
-
-The texture is the painted atlas minus what the lattice shows in its charts (`ChartLattice`): added
-where a ray meets the surface, it shows the painting itself, as sharp as it was painted.
+the surface. The texture is the painted atlas minus what the lattice shows in its charts
+(`ChartLattice`): added where a ray meets the surface, it shows the painting itself.
 
 With the density frozen a chart is linear in the lattice's colors. The weights are found once for a
 skin and a resolution; what the colors of any painting show is a product with them. Those of a
-preview are kept with the skin, and in the user's cache: they take more room than a job's other
-files, and only previews of the same head need them again.
+preview are kept with the skin, which lies beside the field, and in the user's cache: only previews
+of the same head need them again.
 """
 
 import functools

@@ -8,18 +8,15 @@ instead of one after the other (COLMAP's global mapping), which needs no good pa
 finds a wrong focal length from far off; other focal lengths; a lens for each photo; and from the
 best so far with weaker demands, until tries bring no more. Each try is reported on one line.
 
-The final bundle adjustment has as many lens terms as the photos determine. Each further term makes
-the errors smaller, whether the lens has it or not, and a term that the photos hardly determine gets
-an arbitrary value that bends the scene. So the cameras are adjusted with ever more terms, and a
-model is taken only if it earns them: by Schwarz's criterion (BIC), and by errors that fall by a
-hundredth at least; and only if its lens stays one, that bends rays the less the nearer they are to
-the axis and nowhere by more than a quarter.
+The final bundle adjustment has as many lens terms as the photos determine: a term that they hardly
+determine gets an arbitrary value that bends the scene. So the cameras are adjusted with ever more
+terms, and a model is taken only if it earns them: by Schwarz's criterion (BIC), and by errors that
+fall by a hundredth at least; and only if its lens stays one, that bends rays the less the nearer
+they are to the axis and nowhere by more than a quarter.
 
-Wrong matches differ from right ones by how far right ones lie off: a third of a pixel before
-skin, not a whole one. On a narrow arc the focal length depends on that. There it and the distance
-change the pictures almost alike (a quarter of a per cent of the head's depth for a per cent of the
-focal length), and some hundred matches that are wrong by one to three pixels decide between them
-if they count as if they could be right.
+Wrong matches differ from right ones by how far right ones lie off: a third of a pixel before skin,
+not a whole one. On a narrow arc, where the focal length and the distance change the pictures almost
+alike, some hundred matches that are wrong by one to three pixels would decide between them.
 """
 
 from collections.abc import Callable, Iterator, Sequence

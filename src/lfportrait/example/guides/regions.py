@@ -1,15 +1,13 @@
 """Regions of a portrait: the person, its hair, and soft labels of all parts.
 
-The 68 landmarks end at the brows: without more, moving least squares extrapolates hair, ears and
-neck from the face, and the exemplar's hairline lands wherever it may. So the person and its hair
-are segmented in both pictures, and rays from the middle of the face meet the hairline and the
-outline of the head at points that correspond (`photo_guide`). The soft labels of all regions are
-compared during the synthesis, so that skin is not painted with hair.
+The 68 landmarks end at the brows. So the person and its hair are segmented in both pictures, and
+rays from the middle of the face meet the hairline and the outline of the head at points that
+correspond (`photo_guide`). The soft labels of all regions are compared during the synthesis, so
+that skin is not painted with hair.
 
-Photos need more care (`photo_regions`). The network of the hair takes the shaded half of a shaven
-head for hair, and the lit half for skin; and where it finds none, colors do so. Hair is rougher
-than skin, or of another color; a scalp is neither. The network of the person takes things in the
-room for a part of the person.
+Photos need more care (`photo_regions`): the network of the hair takes the shaded half of a shaven
+head for hair, that of the person takes things in the room for a part of the person. Where no hair
+is found, colors decide: hair is rougher than skin, or of another color; a scalp is neither.
 """
 
 from __future__ import annotations

@@ -1,17 +1,14 @@
 """What of an exemplar's skin is not plain: strands of hair, the outline, what frames features.
 
-A lock that hangs over a cheek, a curl, a single stroke: copied onto every sitter it would be a
-scratch. It is a thin dark line of the hair's colors that comes from the hair. Wrinkles do not come
-from there, and where a face is drawn in lines altogether, lines are its skin.
+A lock over a cheek, a curl, a single stroke: copied onto every sitter it would be a scratch. It is
+a thin dark line of the hair's colors that comes from the hair. Wrinkles do not come from there, and
+where a face is drawn in lines altogether, lines are its skin.
 
-Labels end where a feature ends. What frames it does not: the folds of lids, the bags below an eye,
-the shade under a lip and beside a nostril. On a chest they would still be read as lids and lips. So
-features reach further, where skin is taken from for other places than the face.
-
-Below the jaw the painter may have a beard, a scarf or a coat where the labels have a neck, and in
-the face a beard that the labels end too early, or locks at its sides. On another's throat, cheek or
-ear they would be stains. What is more like hair, clothes and background than like forehead and
-cheeks is no paint for them; a beard stays where the face is copied.
+Labels end where a feature ends; what frames it (the folds of lids, the shade under a lip) would
+still be read as lids and lips on a chest. So features reach further, where skin is taken from for
+other places than the face. Below the jaw and at the sides of the face, what is more like hair,
+clothes and background than like forehead and cheeks is no paint for skin; a beard stays where the
+face is copied.
 """
 
 import cv2

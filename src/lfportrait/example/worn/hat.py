@@ -1,12 +1,9 @@
-"""A painted hat: found in the painting, and put on the sitter of a photo.
+"""A painted hat: found in the painting, and put on the sitter of a photo (docs/people.md).
 
-A forehead is bare where its colors and its light are those of cheeks and nose. What has others,
-hangs down from above and is more than a wrinkle is a cover; what of it is hair is separated.
-
-The networks know no hats: to them one is hair, cloth or background. Where a forehead is covered and
-what covers it reaches far beyond a head or is unlike the hair below it, or where what is taken for
-hair has two hues, there is one. Its outline is a cut by colors (GrabCut: Rother et al. 2004) that
-begins at the crown.
+The networks know no hats: to them one is hair, cloth or background. Where a forehead is covered
+(its colors and its light are not those of cheeks and nose), and what covers it reaches far beyond a
+head, is unlike the hair below it or has two hues, there is one. Its outline is a cut by colors
+(GrabCut: Rother et al. 2004) that begins at the crown.
 
 It lies over a photo as a thing with its own edge, warped by the two faces' frames: as wide as the
 sitter's face is against the painter's, and high enough for the sitter's head. Hair that would stick

@@ -1,9 +1,8 @@
-"""The surface of a head and bust from photos that do not go around it.
+"""The surface of a head and bust from photos that do not go around it (docs/reconstruction.md).
 
-Photos of a narrow arc leave depth open: their visual hull is a cone that reaches to the cameras,
-and a field that starts from it explains the photos by a relief of any depth. So the surface is
-found first, as distances along the rays of a chart (`lfportrait.field.geometry.chart`) around the
-middle of the bust:
+Photos of a narrow arc leave depth open: a field that starts from their visual hull explains them by
+a relief of any depth. So the surface is found first, as distances along the rays of a chart
+(`lfportrait.field.geometry.chart`) around the middle of the bust:
 
 1. a generic bust, scaled to the face's landmarks;
 2. where the outlines of the mattes touch it, the visual hull;
@@ -15,17 +14,15 @@ middle of the bust:
 What is looked for is the logarithm of the ratio to the generic bust, as a plate that bends as
 little as the data allows: where no photo shows anything, the bust goes on in proportion.
 
-The bust has the size and shape that heads, necks and shoulders usually have: a stack of
-superellipses, one a height, with an ellipsoid above the brows, in the portrait frame, whose unit is
-1.8 times the height from the eyes to the chin (about 0.21 m). The sizes are those of an average
-adult (head 0.155 m wide, 0.197 m long; neck 0.38 m around; shoulders 0.48 m).
+The bust is a stack of superellipses, one a height, with an ellipsoid above the brows, in the
+portrait frame, whose unit is 1.8 times the height from the eyes to the chin (about 0.21 m). The
+sizes are an average adult's (head 0.155 m wide, 0.197 m long; neck 0.38 m around; shoulders 0.48
+m).
 
-A knot of hair behind a head shows only above it: the surface has none, and a sweep along it finds
-none. A field that has no room there smears the edge that photos show over the crown. Outlines tell
-where it is. The space that most mattes show beside the surface, and none rules out, is a spindle
-along the middle direction of the arc; photos from the left and from the right cut it off before and
-behind the knot, so it is widest where that is. What is seen of it is taken for the top of a ball,
-whose rows tell its radius.
+A knot of hair behind a head shows only above it, and a sweep finds none. The space that most mattes
+show beside the surface, and none rules out, is a spindle along the middle direction of the arc,
+widest where the knot is. What is seen of it is taken for the top of a ball, whose rows tell its
+radius.
 """
 
 from collections.abc import Callable, Sequence

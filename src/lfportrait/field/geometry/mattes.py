@@ -1,23 +1,21 @@
 """Mattes that all photos agree on: outlines of the field, or of a solid, along each photo's edges.
 
-A matte that a network or a rough solid gave errs here and there by a few pixels, each photo at
-other places. A field that is trained roughly has already weighed all of them: rendered into a
-photo, its opacity is right within a pixel or two of its own nearly everywhere, and the photo's
-edges say the rest (`refined_mattes`, `lfportrait.capture.refine_matte`). Held-out photos, whose
-mattes erred alike, get theirs in the same way, from a field that never saw them.
+A matte errs here and there by a few pixels, each photo at other places. A field that is trained
+roughly has weighed all of them: rendered into a photo, its opacity is right within a pixel or two
+nearly everywhere, and the photo's edges say the rest (`refined_mattes`,
+`lfportrait.capture.refine_matte`). Held-out photos get theirs in the same way, from a field that
+never saw them.
 
 Where a network's mattes contradict each other, the photos themselves define the object: a solid
-from the depth of the training photos (`find_solid`) is outlined in every photo, and each outline is
-laid along that photo's own edges (`cut_out`). Held-out photos are cut in the same way; no depth is
-taken from them, and no field is asked. Where the mattes agree, the same solid shows what in them
-lies far from the person (`trim`).
+from the depth of the training photos (`find_solid`) is outlined in every photo, held-out ones
+included, and each outline is laid along that photo's own edges (`cut_out`). Where the mattes agree,
+the same solid shows what in them lies far from the person (`trim`).
 
-The solid: depth maps are fused to signed distances on a lattice (Curless and Levoy 1996). The
-planes that the object stands on or before - a table, a wall - have the object and all cameras on
-one side and little on the other; they are found by RANSAC and cut off. What then hangs together
-about the origin is the object, less those parts that hardly any matte of the network calls person,
-if most mattes call the rest so. No single photo decides: a matte that fails in a third of the
-photos does no harm.
+The solid: depth maps are fused to signed distances on a lattice (Curless and Levoy 1996). Planes
+that the object stands on or before - a table, a wall - have the object and all cameras on one side
+and little on the other; they are found by RANSAC and cut off. What then hangs together about the
+origin is the object, less those parts that hardly any matte of the network calls person, if most
+mattes call the rest so.
 """
 
 from __future__ import annotations

@@ -1,17 +1,15 @@
 """The local copy of the lattice that a packet of training rays works on.
 
 Sixteen rays of neighbouring pixels meet a few dozen bricks and a few hundred lattice points, again
-and again: eight corners a sample, twice as many samples as cells. So every brick that a packet
-enters is *opened* once: its densities are copied side by side; and every point that colors a
-sample gets its color once, for the packet's middle direction - within a packet the harmonics
-hardly change. Samples then mix three numbers a corner where a row has up to 27, and going backward
-they leave five: the slopes of the point's three colors, the weight of the rays that it colors,
-and its density's slope. Only at the end of a packet do these go to the lattice, as one *record* a
-point.
+and again. So every brick that a packet enters is *opened* once: its densities are copied side by
+side; and every point that colors a sample gets its color once, for the packet's middle direction.
+Samples then mix three numbers a corner where a row has up to 27, and going backward they leave
+five: the slopes of the point's three colors, the weight of the rays that it colors, and its
+density's slope. At the end of a packet these go to the lattice, as one *record* a point.
 
 A point's place in the pad is 128 times the number of its brick in the pad, plus its place in the
-brick (`bricks`). Colors and slopes have eight floats a point, so that the two
-corners along x are one vector.
+brick (`bricks`). Colors and slopes have eight floats a point, so that the two corners along x are
+one vector.
 """
 
 from __future__ import annotations

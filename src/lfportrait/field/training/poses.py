@@ -1,16 +1,15 @@
 """Refining the cameras while the field is trained.
 
-Cameras from structure from motion are off by a pixel or more now and then, and a field of such
-photos is blurred. A few times in each level every training photo is laid on the field's rendering
-of it, and training goes on with the corrected cameras: the field gets sharper, the next corrections
-better. What all corrections have in common - the whole set of cameras turned, moved or scaled - is
-taken out, as the field would follow it and leave the held-out cameras behind.
+Cameras from structure from motion are off by a pixel or more now and then. A few times in each
+level every training photo is laid on the field's rendering of it, and training goes on with the
+corrected cameras. What all corrections have in common - the whole set of cameras turned, moved or
+scaled - is taken out, as the field would follow it and leave the held-out cameras behind.
 
 A photo is laid on by Gauss-Newton on the photometric error (Lucas and Kanade 1981): the field knows
 the depth under each pixel, so that six numbers a view, a rotation and a translation, say how its
-pixels move. A pixel is about a voxel, and every step renders again, so that occlusions are right at
-each pose. A photo of an object with little relief hardly distinguishes a rotation from a
-translation; there a prior keeps the camera near its given pose.
+pixels move. Every step renders again, so that occlusions are right at each pose. An object with
+little relief hardly distinguishes a rotation from a translation; there a prior keeps the camera
+near its given pose.
 """
 
 from dataclasses import dataclass, replace

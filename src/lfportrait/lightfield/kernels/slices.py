@@ -8,17 +8,15 @@ line x(k), and a sample on each lattice plane takes two values instead of eight.
 A direction in the plane is one angle, phi, from the panel's normal, so that spherical harmonics of
 degree 2, nine coefficients a channel, are a trigonometric polynomial with five: 1, cos phi, sin
 phi, sin 2 phi, cos 2 phi. Over a view cone cos 2 phi is next to straight in cos phi (to 0.1 %
-within 20 degrees, to 0.5 % within 30), so four are kept, worked out once for each point of the
-slice.
+within 20 degrees, to 0.5 % within 30), so four are kept for each point of the slice.
 
-Sixteen rays of one channel go through the planes together, front to back. Those that do are
-neighbours: within a few lenses the sub-pixels are ordered by their view, so that a packet's rays
-stay close, and on each plane read from one short stretch of each row, which fits two registers.
+Sixteen rays of one channel go through the planes together, front to back: within a few lenses the
+sub-pixels are ordered by their view, so that a packet's rays stay close, and on each plane read
+from one short stretch of each row, which fits two registers.
 
-A camera that is neither rolled nor raised sees, along a row, a plane through its own right axis. In
-it lie the same rows of all cameras beside it that look the same way, as those of a quilt do. So one
-slice of the field serves them all. Here a packet is 16 pixels of a row, and follows all three
-channels.
+A camera that is neither rolled nor raised sees, along a row, a plane through its own right axis,
+which it shares with all cameras beside it that look the same way, as those of a quilt do: one slice
+serves them all. There a packet is 16 pixels of a row, and follows all three channels.
 """
 
 import functools
