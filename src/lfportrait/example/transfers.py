@@ -28,7 +28,7 @@ from ..labels import GROUPS, LABELS, PICTURE_LABELS, RegionStyle, members
 from ..plugins import Choice, Sitting, chosen, offered
 from . import styleblit
 from .exemplar import Exemplar, face_size
-from .frontal import face_aside, frontalised, suited
+from .frontal import FaceAside, face_aside, frontalised, suited
 from .gaze import with_even_eyes, with_parallel_eyes
 from .guides import filters
 from .guides.position import Guides, anchor_scale, pixel_centres, relative_stretch, sample_labels
@@ -299,22 +299,10 @@ class Transfer:
         guided = time.perf_counter()
         if position is None:
             assert regions is not None
-            person = regions.person
-            cover = self.cover(photo, points, person)
-            labels = regions.labels(self._like)
-            hold = seeds_anchor is not None or self._flat.turned(points, regions)
-            position = self._flat(cover, points, regions, labels, hold, aside)
-            if config.extent == "picture" and not hold:
-                person = self._flat.own_shoulders(position, points, labels, person)
+            position, labels, person, cover = self._by_landmarks(
+                photo, points, regions, aside, seeds_anchor is not None)
         else:
-            # The place in the exemplar says what a surface point is, alike in every view.
-            position = np.ascontiguousarray(position, np.float32)
-            labels = sample_labels(self.labels, position)
-            person = np.isfinite(position[..., 0]).astype(np.float32)
-            if mask is not None:
-                person = person * mask
-            cover = np.where(np.isfinite(position[..., 0]), self.cover(photo, points, person),
-                             np.float32(0))
+            position, labels, person, cover = self._by_surface(photo, points, position, mask)
         if seeds_anchor is None:
             scale = self.scale(points)
             anchor, seeds = self._photo_anchor(photo.shape, scale)
@@ -362,6 +350,30 @@ class Transfer:
             blend(photo, np.float32(1 / 255 if photo.dtype == np.uint8 else 1), painted, made.mask,
                   made.image)
         return made
+
+    def _by_landmarks(self, photo: Array, points: Float64, regions: Regions,
+                      aside: FaceAside | None, hold: bool,
+                      ) -> tuple[Float32, UInt8, Float32, Float32]:
+        """Position, labels, person and cover of a photo; ``hold`` in videos (`FlatGuide`)."""
+        person = regions.person
+        cover = self.cover(photo, points, person)
+        labels = regions.labels(self._like)
+        hold = hold or self._flat.turned(points, regions)
+        position = self._flat(cover, points, regions, labels, hold, aside)
+        if self.config.extent == "picture" and not hold:
+            person = self._flat.own_shoulders(position, points, labels, person)
+        return position, labels, person, cover
+
+    def _by_surface(self, photo: Array, points: Float64, position: Float32, mask: Float32 | None,
+                    ) -> tuple[Float32, UInt8, Float32, Float32]:
+        """The same of a view of a surface, whose place in the exemplar says what a point is."""
+        position = np.ascontiguousarray(position, np.float32)
+        shown = np.isfinite(position[..., 0])
+        person = shown.astype(np.float32)
+        if mask is not None:
+            person = person * mask
+        cover = np.where(shown, self.cover(photo, points, person), np.float32(0))
+        return position, sample_labels(self.labels, position), person, cover
 
     def part_lips(self, paint: Float32, photo: Array, landmarks: Floats) -> None:
         """Paint what a photo shows between open lips where the exemplar has them closed, in place.
