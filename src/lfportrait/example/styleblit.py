@@ -25,10 +25,10 @@ from ..arrays import Array, Float32, Float64, Floats, Int32, Int64, UInt8
 from ..files import write_image
 from ..labels import PICTURE_LABELS
 from .guides.position import Guides, anchor_scale
-from .kernels import vote
 from .kernels.blit import blit, look_up
 from .kernels.seeds import finite_range, seed_points, seed_regular, seed_splat
 from .kernels.table import extract_indices, scatter_pixels, sweep_linear, sweep_squared
+from .kernels.vote import elect, pack, vote
 
 FIXED = 64.0  # Costs are whole numbers of 1 / FIXED.
 
@@ -240,7 +240,7 @@ def shift_planes(height: int, width: int, margin: int) -> Float32:
 def pack_colors(picture: Array) -> Int32:
     """Colors [h, w, 3] in [0, 1] as words [h, w] of ten bits a channel."""
     words = np.empty(picture.shape[:2], np.int32)
-    vote.pack(picture, words)
+    pack(picture, words)
     return words
 
 
@@ -295,12 +295,12 @@ def synthesise(guides: Guides, weights: Float32, label_weight: float, style: Sty
     reach = np.float32((3 * config.radius + 2) * pitch)
     if config.radius > 0:
         # Its own look-ups are not needed any more.
-        vote.elect(guides.anchor, reach, shift, margin, width, own_shift)
+        elect(guides.anchor, reach, shift, margin, width, own_shift)
         shift = own_shift
     image = np.empty((height, width, 3), np.float32)
     picture = style.picture
     colors = picture if picture.dtype == np.int32 else pack_colors(picture)
-    vote.vote(colors, guides.anchor, reach, shift, margin, config.radius, exact, image)
+    vote(colors, guides.anchor, reach, shift, margin, config.radius, exact, image)
     inside = np.moveaxis(shift[:, margin:margin + height, margin:margin + width], 0, -1)
     return Synthesis(image, inside, level, error)
 
