@@ -1,4 +1,4 @@
-"""Names of array types, one an element type; docstrings say the shapes."""
+"""Names of array types, one an element type (docstrings say the shapes); the box about a mask."""
 
 from typing import Any, TypeAlias
 
@@ -19,3 +19,15 @@ Int8: TypeAlias = NDArray[np.int8]
 Int32: TypeAlias = NDArray[np.int32]
 Int64: TypeAlias = NDArray[np.int64]
 Bool: TypeAlias = NDArray[np.bool_]
+
+
+def box_about(mask: Bool, margin: int = 0) -> tuple[slice, ...] | None:
+    """The box about what is true in a mask, by so much wider on all sides; None if nothing is."""
+    sides, rest = [], mask
+    for size in mask.shape:
+        along = np.flatnonzero(rest.any(axis=tuple(range(1, rest.ndim))))
+        if not len(along):
+            return None
+        sides.append(slice(max(int(along[0]) - margin, 0), min(int(along[-1]) + margin + 1, size)))
+        rest = rest.any(axis=0)
+    return tuple(sides)

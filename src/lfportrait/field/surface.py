@@ -19,7 +19,7 @@ import numpy as np
 from scipy import ndimage, sparse
 from scipy.spatial import cKDTree
 
-from ..arrays import Array, Bool, Float32, Float64, Floats, Int32, Int64, UInt8
+from ..arrays import Array, Bool, Float32, Float64, Floats, Int32, Int64, UInt8, box_about
 from ..color import to_uint8
 from ..errors import UserError
 from .grid import VoxelField
@@ -112,17 +112,12 @@ def _gaze(normals: Float64) -> Float64:
 
 def _cropped(field: VoxelField, margin: int) -> tuple[Float32, Int64]:
     """Density [z, y, x] about the filled lattice points, and the first point's place (z, y, x)."""
-    filled = field.links >= 0
-    if not filled.any():
+    box = box_about(field.links >= 0)
+    if box is None:
         raise UserError("the field is empty; reconstruct it again")
-    low, high = [], []
-    for axis in range(3):
-        along = np.flatnonzero(filled.any(axis=tuple(other for other in range(3) if other != axis)))
-        low.append(int(along[0]))
-        high.append(int(along[-1]) + 1)
-    links = field.links[low[0]:high[0], low[1]:high[1], low[2]:high[2]]
     values = np.append(np.maximum(field.density, 0.0), np.float32(0.0)).astype(np.float32)
-    return np.pad(values[links], margin), np.array(low) - margin
+    return (np.pad(values[field.links[box]], margin),
+            np.array([side.start for side in box]) - margin)
 
 
 def _looked_from() -> Int64:
@@ -143,36 +138,33 @@ def _largest_pieces(faces: Int32, count: int, least: float) -> Bool:
     return np.asarray((sizes >= least * sizes.max())[piece[faces[:, 0]]])
 
 
-def field_mesh(field: VoxelField, level: float | None = None, surface: str = "auto",
-               smooth: float = 1.5, least: float = 0.05) -> Mesh:
+def field_mesh(field: VoxelField, level: float | None = None, smooth: float = 1.5,
+               least: float = 0.05) -> Mesh:
     """The surface of a field by marching cubes, with the colors seen there.
 
+    It is the surface as seen from outside, closed, nothing within; of a field with a background,
+    where walls of a room would hide all else, that of the density itself, inner walls included.
     Raises `UserError` if the field has no such surface.
 
     Parameters
     ----------
     level : Opacity at the surface, 0 to 1: of all that light passes on its way there from
-        outside (``"outer"``; 0.5 by default), or of a step of one voxel (``"density"``; 0.1 by
-        default).
-    surface : ``"outer"``: the surface as seen from outside, closed, nothing within.
-        ``"density"``: of the density itself, inner walls included. ``"auto"``: the latter for a
-        field with a background, as walls of a room would hide all else.
+        outside (0.5 by default), or, of a room, of a step of one voxel (0.1 by default).
     smooth : Standard deviation in voxels by which the opacity is smoothed first; 0 does not.
     least : Connected pieces with fewer faces than this part of the largest one's are dropped.
     """
     from skimage.measure import marching_cubes
 
-    if surface == "auto":
-        surface = "outer" if field.background is None else "density"
+    outer = field.background is None
     if level is None:
-        level = 0.5 if surface == "outer" else 0.1
+        level = 0.5 if outer else 0.1
     if not 0.0 < level < 1.0 or smooth < 0.0:
         raise UserError(f"--level must lie between 0 and 1 and --smooth not below 0, not at "
                         f"{level:g} and {smooth:g}")
     density, first = _cropped(field, 2 + int(np.ceil(2 * smooth)))
     size = np.array(field.links.shape[::-1])
     spacing = 2.0 * field.radius / size
-    if surface == "outer":
+    if outer:
         opaque = depth_from_outside(density, spacing[::-1], _looked_from())
     else:
         opaque = density * np.float32(spacing.mean())

@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...arrays import Float32, Float64, UInt8
+from ...arrays import Float32, Float64, UInt8, box_about
 from ...simd.threads import side_by_side
 from ...temporary import temporary_folder
 from ..camera import Camera, pose_corrections, without_drift
@@ -85,17 +85,15 @@ def _seen(capture: Capture, view: int, matte: Float32) -> Features:
     image = capture.images[view]
     height, width = image.shape[:2]
     inside = _head(capture, view, matte)
-    if not inside.any():
+    part = box_about(inside, 16)
+    if part is None:
         return sift_features(np.zeros((8, 8, 3), np.uint8), 1)
-    rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
-    top, left = max(rows[0] - 16, 0), max(columns[0] - 16, 0)
-    part = np.s_[top:rows[-1] + 17, left:columns[-1] + 17]
     mask = np.asarray(255 * inside[part], np.uint8)
     found = sift_features(image[part], _FEATURES, mask, _CONTRAST)
     if not len(found.places):
         return found
-    focal = capture.cameras.focal[view]
-    places = ((found.places + np.array([left, top]) - capture.cameras.center[view])
+    focal, corner = capture.cameras.focal[view], np.array([part[1].start, part[0].start])
+    places = ((found.places + corner - capture.cameras.center[view])
               * (1.0, focal[0] / focal[1]) + (width / 2, height / 2))
     return replace(found, places=places.astype(np.float32))
 

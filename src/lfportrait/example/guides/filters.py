@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...arrays import Array, Bool, Float32, Float64, Floats, UInt8
+from ...arrays import Array, Bool, Float32, Float64, Floats, UInt8, box_about
 from ...color import to_lab
 from ..kernels.guides import blur_difference, count_values, map_values, shrink
 from ..kernels.labels import luma
@@ -183,13 +183,10 @@ def drawn_lines(image: UInt8, face: UInt8, size: float) -> UInt8:
     face, size : uint8 [h, w], where the face is (`soft_face`), and its size (`face_size`).
     """
     lines = np.zeros(image.shape[:2], np.uint8)
-    rows, columns = np.flatnonzero(face.any(axis=1)), np.flatnonzero(face.any(axis=0))
-    if not len(rows):
-        return lines
     # What blurs and neighbourhood reach around the face.
-    margin = int(np.ceil((4 * FINE + 2 * AROUND) * size))
-    part = (slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
-            slice(max(columns[0] - margin, 0), columns[-1] + margin + 1))
+    part = box_about(face > 0, int(np.ceil((4 * FINE + 2 * AROUND) * size)))
+    if part is None:
+        return lines
     light, inside = grey(np.ascontiguousarray(image[part])), face[part]
     fine = light - broad_blur(light, FINE * size)
     contrast = np.sqrt(broad_blur(fine * fine, FINE * size))

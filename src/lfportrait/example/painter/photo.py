@@ -26,7 +26,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from ...arrays import Array, Bool, Float32, Float64, Floats, UInt8
+from ...arrays import Array, Bool, Float32, Float64, Floats, UInt8, box_about
 from ...color import LUMA, to_uint8
 from ...labels import MATERIALS, PICTURE_LABELS
 from ..exemplar import Exemplar, face_size
@@ -98,10 +98,9 @@ def with_folds(color: Float32, luma: Float32, worn: Float32, size: float) -> Flo
     The same array where nothing is worn. ``luma`` is the photo's, ``worn`` how far it shows
     clothes, float32 [H, W] in [0, 1]; ``size`` is the face's in pixels.
     """
-    rows, columns = (np.flatnonzero((worn > 0.02).any(axis=axis)) for axis in (1, 0))
-    if (worn > 0.5).sum() < FEW:
+    box = box_about(worn > 0.02)
+    if box is None or (worn > 0.5).sum() < FEW:
         return color
-    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     worn = np.ascontiguousarray(worn[box])
     paint = color[box]
     inside = worn > 0.5

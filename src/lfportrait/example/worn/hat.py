@@ -21,7 +21,7 @@ import numba
 import numpy as np
 from scipy import ndimage
 
-from ...arrays import Array, Bool, Float32, UInt8
+from ...arrays import Array, Bool, Float32, UInt8, box_about
 from ...cache import kept_arrays, key_of
 from ...color import to_lab
 from ...labels import BY_HAND, PICTURE_LABELS
@@ -338,8 +338,8 @@ def _cut(small: _Small) -> Bool | None:
     if core.sum() < 0.01 * small.height ** 2:
         return None
     state = _seeds(small, colors, core, like_skin)
-    rows, columns = (np.flatnonzero(small.room().any(axis=axis)) for axis in (1, 0))
-    part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    part = box_about(small.room())
+    assert part is not None
     within = np.ascontiguousarray(state[part])
     cv2.setRNGSeed(0)
     back, front = np.zeros((1, 65)), np.zeros((1, 65))

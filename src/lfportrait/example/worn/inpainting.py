@@ -9,7 +9,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from ...arrays import Array, Bool, Float32, Floats, UInt8
+from ...arrays import Array, Bool, Float32, Floats, UInt8, box_about
 from ...cache import kept_arrays, key_of
 from ...color import to_uint8
 from ...face import drawn_spectacles, find_spectacles, spectacle_lenses
@@ -152,9 +152,8 @@ def _filled(exemplar: Exemplar, bare: Bool, hole: Bool, broad: Float32, height: 
 
     ``broad`` [h, w, 3] are the colors there, broader than ``beyond`` over the face's height.
     """
-    rows, columns = (np.flatnonzero((hole | bare).any(axis=axis)) for axis in (1, 0))
-    margin = round(AROUND * height) + 8
-    part = tuple(slice(max(side[0] - margin, 0), side[-1] + margin + 1) for side in (rows, columns))
+    part = box_about(hole | bare, round(AROUND * height) + 8)
+    assert part is not None
     picture = exemplar.image[part].astype(np.float32) / np.float32(255)
     inside = hole[part]
     strokes = _strokes(replace(exemplar, image=exemplar.image[part], mask=None, by_hand=None),

@@ -32,7 +32,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64, Int64, UInt8
+from ...arrays import Bool, Float32, Float64, Int64, UInt8, box_about
 from ...capture import Camera, Capture, lattice_votes, portrait_frame_from_landmarks
 from ...simd.threads import side_by_side
 from ..kernels.depth_maps import facing_cosines, hull_along_rays, surface_agreement
@@ -565,13 +565,13 @@ def distance_outside(surface: HeadSurface, shape: tuple[int, int, int], center: 
     along, clearance = surface.chart.outside(surface.distance, margin, shape, center, radius)
     spacing = (2.0 * radius / np.array(shape[::-1]))[::-1]
     inside = along < 0
-    if not inside.any():
+    box = box_about(inside)
+    if box is None:
         return along, clearance
     # Space further away is empty whatever its distance.
     margin_points = np.ceil(float(margin.max()) / spacing).astype(int) + 2
-    ends = [np.flatnonzero(inside.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
-    near = tuple(slice(max(0, int(end[0]) - more), int(end[-1]) + more + 1)
-                 for end, more in zip(ends, margin_points))
+    near = tuple(slice(max(0, side.start - more), side.stop + more)
+                 for side, more in zip(box, margin_points))
     outside, more = ~inside[near], int(margin_points[0])
 
     def through_space(first: int) -> None:

@@ -30,7 +30,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ...arrays import Array, Float32, Float64, Floats, UInt8
+from ...arrays import Array, Float32, Float64, Floats, UInt8, box_about
 from ...capture import Camera, Capture, holes_of, mattes_share, refine_matte, views_share
 from ...progress import Progress, note
 from ...simd.threads import side_by_side
@@ -51,12 +51,9 @@ def along_edges(image: UInt8, coarse: Plane, cell: int) -> tuple[Plane, bool]:
     Also whether the edges agree with the rough matte; where they do not, the matte is that itself,
     steeper.
     """
-    rows, columns = (np.flatnonzero((coarse > 0.02).any(axis=1 - axis)) for axis in (0, 1))
-    if not len(rows):
+    box = box_about(coarse > 0.02, max(coarse.shape) // 24)
+    if box is None:
         return coarse, True
-    margin = max(coarse.shape) // 24
-    box = (slice(max(0, rows[0] - margin), rows[-1] + margin + 1),
-           slice(max(0, columns[0] - margin), columns[-1] + margin + 1))
     matte = coarse.copy()
     matte[box] = refine_matte(image[box], coarse[box], cell, calm=True)
     both = ((matte > 0.5) & (coarse > 0.5)).sum()

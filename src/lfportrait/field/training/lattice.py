@@ -16,20 +16,9 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64, Int32
+from ...arrays import Bool, Float32, Float64, Int32, box_about
 from ..kernels import bricks
 from ..kernels.march import lattice_of_world
-
-
-def _box(points: Bool, margin: int = 0) -> tuple[slice, slice, slice] | None:
-    """The box about points, by so much wider; None without a point."""
-    flat = np.any(points, axis=0)
-    sides = [np.flatnonzero(some) for some in (np.any(points, axis=(1, 2)), np.any(flat, axis=1),
-                                               np.any(flat, axis=0))]
-    if not len(sides[0]):
-        return None
-    z, y, x = (slice(max(0, int(side[0]) - margin), int(side[-1]) + 1 + margin) for side in sides)
-    return z, y, x
 
 
 def dilated(points: Bool, steps: int = 1) -> Bool:
@@ -38,7 +27,7 @@ def dilated(points: Bool, steps: int = 1) -> Bool:
     It is `scipy.ndimage.binary_dilation` by a cube, axis by axis.
     """
     out = np.zeros(points.shape, bool)
-    box = _box(points, steps)
+    box = box_about(points, steps)
     if box is None:
         return out
     grown = points[box].copy()
@@ -60,7 +49,7 @@ def labelled(points: Bool) -> tuple[Int32, int]:
     It is `scipy.ndimage.label` with a cube. int32 [Z, Y, X], 0 elsewhere.
     """
     out = np.zeros(points.shape, np.int32)
-    box = _box(points)
+    box = box_about(points)
     if box is None:
         return out, 0
     out[box], count = ndimage.label(points[box], np.ones((3, 3, 3), bool))
@@ -172,28 +161,21 @@ class Lattice:
         return Lattice(place[self.links], self.density[rows], self.rows[rows], self.center,
                        self.radius)
 
-    def cropped(self, keep: Bool, margin: int = 2) -> tuple[Lattice, Bool]:
+    def cropped(self, keep: Bool) -> tuple[Lattice, Bool]:
         """The same lattice in a box about the points in ``keep``, and ``keep`` in that box.
 
         Rows of points outside stay, without a link.
         """
-        if not keep.any():
+        part = box_about(keep, 2)
+        if part is None:
             return self, keep
-        part, low, size = [], np.zeros(3), np.zeros(3)
-        for axis in range(3):
-            others = tuple(other for other in range(3) if other != axis)
-            along = np.flatnonzero(keep.any(axis=others))
-            first = max(0, int(along[0]) - margin)
-            end = min(keep.shape[axis], int(along[-1]) + 1 + margin)
-            part.append(slice(first, end))
-            low[2 - axis], size[2 - axis] = first, end - first
+        low, end = np.array([(side.start, side.stop) for side in part[::-1]], float).T
         spacing = 2.0 * self.radius / self.links.shape[::-1]
-        radius = 0.5 * spacing * size
+        radius = 0.5 * spacing * (end - low)
         center = self.center - self.radius + spacing * low + radius
         box = [side.astype(np.float32).astype(np.float64) for side in (center, radius)]
-        inside = (part[0], part[1], part[2])
-        links = np.ascontiguousarray(self.links[inside])
-        return Lattice(links, self.density, self.rows, *box), keep[inside]
+        links = np.ascontiguousarray(self.links[part])
+        return Lattice(links, self.density, self.rows, *box), keep[part]
 
     def refined(self, shape: tuple[int, int, int], keep: Bool) -> Lattice:
         """Trilinear interpolation on a lattice of ``shape`` points, where ``keep`` holds here."""
