@@ -26,7 +26,7 @@ from ...arrays import Float32, Float64, Floats, Int32, Int64, UInt8
 from ...capture import Camera
 from ...color import linear_light
 from ...errors import UserError
-from ...field import C0
+from ...field import C0, real_harmonics
 from ...files import image_bytes
 from ...version import __version__
 from ..gltf import Glb
@@ -73,8 +73,9 @@ class Splats:
         away = np.random.default_rng(0).standard_normal((64, 3))
         away /= np.linalg.norm(away, axis=1, keepdims=True)
         count = self.sh.shape[2]
-        mixed, *_ = np.linalg.lstsq(sh_bases(away @ turn.T, count), sh_bases(away, count),
-                                    rcond=None)
+        turned, here = (real_harmonics(one, count).astype(np.float32)
+                        for one in (away @ turn.T, away))
+        mixed, *_ = np.linalg.lstsq(turned, here, rcond=None)
         return replace(
             self, positions=(self.positions @ similarity[:3, :3].T + similarity[:3, 3]
                              ).astype(np.float32),
@@ -89,22 +90,8 @@ class Splats:
     def bases(self, eye: Float64) -> Float32:
         """The basis in the direction from an eye [3] to each splat, float32 [N, B]."""
         away = self.positions - eye
-        return sh_bases(away / np.linalg.norm(away, axis=1, keepdims=True), self.sh.shape[2])
-
-
-def sh_bases(directions: Floats, count: int) -> Float32:
-    """Spherical harmonics of unit directions [K, 3], float32 [K, count], in the field's order."""
-    out = np.full((len(directions), count), C0, np.float32)
-    if count == 1:
-        return out
-    x, y, z = directions.T
-    out[:, 1:4] = 0.4886025119029199 * np.stack([-y, z, -x], axis=1)
-    if count == 9:
-        out[:, 4:] = np.stack([
-            1.0925484305920792 * x * y, -1.0925484305920792 * y * z,
-            0.31539156525252005 * (2 * z * z - x * x - y * y),
-            -1.0925484305920792 * x * z, 0.5462742152960396 * (x * x - y * y)], axis=1)
-    return out
+        away /= np.linalg.norm(away, axis=1, keepdims=True)
+        return real_harmonics(away, self.sh.shape[2]).astype(np.float32)
 
 
 def axes_of(turns: Float32) -> Float32:
