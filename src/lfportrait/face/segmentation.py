@@ -30,6 +30,7 @@ from skimage.draw import polygon2mask
 
 from .. import models
 from ..arrays import Array, Bool, Float32, Float64, UInt8
+from ..color import LUMA
 from ..errors import UserError
 from ..labels import SEGMENTS
 
@@ -253,7 +254,7 @@ SOFTNESS = 0.02  # Width of a face's edge (sigma) over the face's width.
 def _chroma(image: Array) -> Float32:
     """Cb and Cr of an sRGB picture (ITU-R BT.601), [H, W, 2], in units of 1/255, and luma."""
     rgb = np.asarray(image, np.float32)
-    luma = rgb @ np.array([0.299, 0.587, 0.114], np.float32)
+    luma = rgb @ LUMA
     return np.stack([0.564 * (rgb[..., 2] - luma), 0.713 * (rgb[..., 0] - luma), luma], axis=-1)
 
 

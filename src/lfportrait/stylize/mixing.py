@@ -25,7 +25,7 @@ import numpy as np
 import tyro
 
 from ..arrays import Array, Float32, Float64, Int8, Int32, UInt8
-from ..color import to_uint8
+from ..color import LUMA, to_uint8
 from ..errors import UserError
 from ..field import C0, SurfaceTexture, VoxelField, read_arrays, save_field
 from ..labels import (
@@ -41,9 +41,6 @@ from ..labels import (
 
 BINS = 1024
 """Bins of a histogram of luma; matched values are finer, as they are interpolated in it."""
-
-LUMA = np.array([0.299, 0.587, 0.114], np.float32)
-"""Shares of red, green and blue in Rec. 601's luma."""
 
 
 def luma(planes: Float32) -> Float32:
