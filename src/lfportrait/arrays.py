@@ -21,7 +21,7 @@ Int64: TypeAlias = NDArray[np.int64]
 Bool: TypeAlias = NDArray[np.bool_]
 
 
-def box_about(mask: Bool, margin: int = 0) -> tuple[slice, ...] | None:
+def box_about(mask: Array, margin: int = 0) -> tuple[slice, ...] | None:
     """The box about what is true in a mask, by so much wider on all sides; None if nothing is."""
     sides, rest = [], mask
     for size in mask.shape:
@@ -29,5 +29,5 @@ def box_about(mask: Bool, margin: int = 0) -> tuple[slice, ...] | None:
         if not len(along):
             return None
         sides.append(slice(max(int(along[0]) - margin, 0), min(int(along[-1]) + margin + 1, size)))
-        rest = rest.any(axis=0)
+        rest = np.asarray(rest.any(axis=0))
     return tuple(sides)

@@ -184,7 +184,7 @@ def drawn_lines(image: UInt8, face: UInt8, size: float) -> UInt8:
     """
     lines = np.zeros(image.shape[:2], np.uint8)
     # What blurs and neighbourhood reach around the face.
-    part = box_about(face > 0, int(np.ceil((4 * FINE + 2 * AROUND) * size)))
+    part = box_about(face, int(np.ceil((4 * FINE + 2 * AROUND) * size)))
     if part is None:
         return lines
     light, inside = grey(np.ascontiguousarray(image[part])), face[part]
