@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ...arrays import Bool, Float64, Int32, Int64
+from ...measure import usable_cores
 from ..geometry.chart import Chart, fitted_plate
 from .photos import Photos
 
@@ -149,6 +150,7 @@ _WHOLE = 0.3
 0.03 and 0.17 where mattes had been riddled."""
 _MATTER = 0.7  # Share of the photos that see a place of an ear whose mattes must have matter there.
 _FRONT = 0.25  # Cosine from which on photos see a place of an ear well.
+_ALIKE = 12  # Places that photos show, near one of an ear, whose median is its color.
 _VIEWS = 12
 
 
@@ -167,6 +169,8 @@ class Ears:
     tree: cKDTree  # Of the points.
     reach: float  # World units up to which distances are known.
     step: float  # World units between samples.
+    # float64 [N, 3], sRGB in [0, 1], as photos show them; None: an ear has the colors around it.
+    colors: Float64 | None = None
 
     def distance(self, points: Float64) -> tuple[Float64, Int64]:
         """How far points [N, 3] lie outside, and their nearest samples; infinite far from ears."""
@@ -239,7 +243,25 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, is_skin: IsSkin | No
         return None
     points, normals, own = (np.concatenate(part) for part in zip(*found, strict=True))
     return Ears(points, normals, own, np.reshape(torn, (-1, 2, 3)), cKDTree(points), REACH * unit,
-                STEP * unit)
+                STEP * unit, _colors(points, normals, own, photos, is_skin))
+
+
+def _colors(points: Float64, normals: Float64, own: Bool, photos: Photos, is_skin: IsSkin | None,
+            ) -> Float64 | None:
+    """Colors [N, 3] of ears' samples: the photos', and beside what these show the nearest ones'."""
+    mine = np.flatnonzero(own)
+    # As a square: a picture's rows are no longer than 32767 (`cv2.remap`).
+    side = int(np.ceil(np.sqrt(len(mine))))
+    square = mine[np.minimum(np.arange(side * side), len(mine) - 1)].reshape(side, side)
+    found = photos.colors(points[square], normals[square], np.full((side, side, 3), np.nan))
+    shown, facing = (part.reshape(side * side, -1)[:len(mine)] for part in found)
+    known = facing[:, 0] > _FRONT
+    if is_skin is not None:
+        known[known] = is_skin(shown[known])
+    if known.sum() < _LEAST:
+        return None
+    nearest = cKDTree(points[mine[known]]).query(points, _ALIKE, workers=usable_cores())[1]
+    return np.asarray(np.median(shown[known][nearest], axis=1), np.float64)
 
 
 def _around(head: FittedHead, side: Bool) -> Int64:
