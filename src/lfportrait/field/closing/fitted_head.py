@@ -368,17 +368,17 @@ def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Fl
            unit: float, begin: _Move) -> tuple[Float64, Float64]:
     """Samples and normals after an ear was laid over what is seen of it, from where it begins."""
     places, ways = seen
-    if len(places) < _LEAST:
-        return points, normals
-    keep = np.unique(np.floor(places / (0.5 * _NOISE * unit)).astype(np.int64), axis=0,
-                     return_index=True)[1]
-    places, ways = places[keep], ways[keep]
     middle = points[own].mean(axis=0)
     # Around the ear the head stays.
     away = cKDTree(points[own]).query(points)[0]
     share = np.clip(1.0 - away / (0.04 * unit), 0, 1)[:, None]
     move = begin
     at, facing = move.of(points, normals, middle, share)
+    if len(places) < _LEAST:
+        return at, facing
+    keep = np.unique(np.floor(places / (0.5 * _NOISE * unit)).astype(np.int64), axis=0,
+                     return_index=True)[1]
+    places, ways = places[keep], ways[keep]
     held = 1.0 / np.concatenate([np.full(3, _TURN ** 2), np.full(3, (_SHIFT * unit) ** 2),
                                  [_SIZE ** 2]])
     for step in range(_ROUNDS):

@@ -33,14 +33,7 @@ from ..geometry.chart import (
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
-from .colors import (
-    NAPE,
-    continued_in_shade,
-    hair_cells,
-    heights_of,
-    skin_by_color,
-    usual_hair,
-)
+from .colors import NAPE, continued_in_shade, hair_cells, heights_of, skin_by_color, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
