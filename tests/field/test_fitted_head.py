@@ -8,7 +8,16 @@ from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.closing import FittedHead, close_back, sides
-from lfportrait.field.closing.fitted_head import Ears, _moved, ears_of, head_distance, mesh_samples
+from lfportrait.field.closing.fitted_head import (
+    Ears,
+    _as_high,
+    _Move,
+    _moved,
+    _Skull,
+    ears_of,
+    head_distance,
+    mesh_samples,
+)
 from lfportrait.field.closing.photos import Photos
 from lfportrait.field.closing.shell import Shell, _changed, with_shell
 from lfportrait.field.geometry.head_surface import HeadSurface, bust_chart, bust_distance
@@ -161,8 +170,9 @@ def filmed():
 
 def test_places_that_photos_see_lie_on_the_surface(filmed):
     _, photos = filmed
-    places, ways = photos.surface(7, photos.cameras.center[7] - 10, photos.cameras.center[7] + 10)
-    assert len(places) >= 400
+    places, ways, colors = photos.surface(7, photos.cameras.center[7] - 10,
+                                          photos.cameras.center[7] + 10)
+    assert len(places) >= 400 and colors.shape == places.shape and not colors.any()
     assert np.abs(np.linalg.norm(places, axis=1) - 0.6).max() < 2 * photos.voxel
     assert np.abs(np.linalg.norm(ways, axis=1) - 1).max() < 1e-9
     assert (ways[:, 2] > 0.9).all()
@@ -208,10 +218,54 @@ def test_an_ear_is_moved_to_what_is_seen_of_it():
     shift = np.array([0.012, -0.01, 0.008])
     front = normals[:, 2] > 0.2
     seen = places[front] + shift, np.tile([0.0, 0.0, 1.0], (front.sum(), 1))
-    moved, _ = _moved(places, normals, own, seen, 1.0)
+    stays = _Move(np.zeros(3), np.zeros(3), 0.0)
+    moved, _ = _moved(places, normals, own, seen, 1.0, stays)
     assert np.linalg.norm(moved - places - shift, axis=1).mean() < 0.5 * np.linalg.norm(shift)
     few = seen[0][:5], seen[1][:5]
-    assert _moved(places, normals, own, few, 1.0)[0] is places
+    assert np.allclose(_moved(places, normals, own, few, 1.0, stays)[0], places)
+    begun = _Move(np.zeros(3), np.array([0.0, 0.03, 0.0]), 0.1)
+    middle, every = places.mean(axis=0), np.ones((len(places), 1))
+    assert np.allclose(_moved(places, normals, own, few, 1.0, begun)[0],
+                       begun.of(places, normals, middle, every)[0])
+
+
+@pytest.mark.parametrize("low, high, known", [(0.03, 0.05, True), (-0.05, -0.03, True),
+                                              (-0.02, 0.02, False), (0.02, -0.02, False)])
+def test_an_ear_ends_where_what_stands_out_ends(filmed, low, high, known):
+    _, photos = filmed
+    points, triangles = ball((0.05, 0.14, 0.06), (0.65, 0.0, 0.0))
+    places, normals, _ = mesh_samples(points, triangles, 0.01)
+    skull = _Skull.of(*ball((0.6, 0.6, 0.6)), 0.02)
+    own, front = np.ones(len(places), bool), (normals[:, 2] > 0) & (skull.outside(places) > 0.03)
+    # The same ear, but its lower end is moved by ``low`` and its upper one by ``high``.
+    seen = places[front]
+    ends = seen[:, 1].min(), seen[:, 1].max()
+    seen[:, 1] += np.interp(seen[:, 1], ends, (low, high))
+    move = _as_high(places, normals, own, photos, skull, seen, 1.0)
+    moved, _ = move.of(places, normals, places.mean(axis=0), np.ones((len(places), 1)))
+    if not known:
+        assert not move.shift.any() and move.size == 0.0
+        return
+    assert moved[front, 1].min() == pytest.approx(seen[:, 1].min(), abs=0.012)
+    assert moved[front, 1].max() == pytest.approx(seen[:, 1].max(), abs=0.012)
+    # Beside a few places, or far away, nothing is known.
+    for none in (seen[:10], seen + np.array([0.0, 0.2, 0.0]), seen[:0]):
+        assert not _as_high(places, normals, own, photos, skull, none, 1.0).shift.any()
+
+
+def test_ears_have_the_colors_that_photos_show_of_them(filmed):
+    capture, _ = filmed
+    # Photos of one color each: what is seen from the front has their mean.
+    images = [np.full_like(image, 160) for image in capture.images]
+    full = [np.full_like(matte, 255) for matte in capture.alphas]
+    seen = Photos(head_field(64), Capture(capture.cameras, images, full, capture.names,
+                                                      capture.held_out))
+    found = ears_of(head_with_ears(), bust_chart(0.05), seen)
+    assert np.abs(found.colors - 160 / 255).max() < 0.01
+    # Where all that is seen has hair's color, an ear has the colors around it.
+    hairy = ears_of(head_with_ears(), bust_chart(0.05), seen,
+                    lambda colors: np.zeros(len(colors), bool))
+    assert hairy.colors is None
 
 
 def head_with_ears(x=0.65):

@@ -87,6 +87,21 @@ def test_a_knot_is_as_large_as_its_ball(bust, monkeypatch, middle, radius):
     assert size == pytest.approx(radius, abs=0.01)
 
 
+def test_a_ball_touches_the_rays_at_all_outlines(bust):
+    chart, distance = bust
+    true = np.array([0.02, 0.62, -0.34])
+    shown = mattes(3.0, (true, 0.15))
+    others = module._beside(chart, distance, cameras(3.0), shown)
+    ball = module._touching(true + np.array([0.01, 0.02, 0.03]), 0.125, cameras(3.0), shown, others)
+    assert np.linalg.norm(ball[0] - true) < 0.015
+    assert ball[1] == pytest.approx(0.15, abs=0.012)
+    # Where nothing is seen of it, or its outline is something else's, it stays.
+    for middle, radius in ((true - np.array([0.0, 0.5, 0.0]), 0.05),
+                           (true + np.array([0.3, 0.1, 0.0]), 0.1)):
+        found, size = module._touching(middle, radius, cameras(3.0), shown, others)
+        assert np.array_equal(found, middle) and size == radius
+
+
 def test_no_knot_is_found_where_there_is_none(bust):
     assert not knots(*bust, 0.0).any()
 

@@ -32,6 +32,7 @@ arc, and fades beyond it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -193,13 +194,10 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
     height = heights_of(chart, distance)
     aside = np.degrees(np.abs(chart.angle))[None]
     usual = usual_hair(chart, distance)
-    # Of a fringe or a bald forehead photos know more than most heads.
-    crown = well & (aside > np.interp(height - _CROWN, *_HAIRLINE.T))
-    (low, high), front = _FACE
-    face = well & (height > low) & (height < high) & (np.abs(chart.angle) < front)[None]
+    crown, face = _crown_and_face(chart, height, well)
     if min(crown.sum(), face.sum()) < _FEW:
         return usual, well
-    likes = [_away(colors, part) for part in (crown, face)]
+    likes = [_away(colors, colors[part]) for part in (crown, face)]
     if np.median(likes[1][crown]) < _ALIKE:
         return None, well
     vote = 1.0 / (1.0 + np.exp(np.clip(likes[0] - likes[1], -30, 30)))
@@ -218,6 +216,28 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
     hair = _joined(found.reshape(well.shape) > 0.5, crown)
     # Clothes may well have the hair's color.
     return hair, well & ((hair == (vote > 0.5)) | (height < NAPE))
+
+
+def skin_by_color(chart: Chart, distance: Float64, colors: Float64, well: Bool,
+                  ) -> Callable[[Float64], Bool] | None:
+    """Which of colors [N, 3] are rather the face's than the crown's; None where both are alike.
+
+    The parameters are those of `hair_cells`.
+    """
+    crown, face = (colors[part] for part in
+                   _crown_and_face(chart, heights_of(chart, distance), well))
+    if min(len(crown), len(face)) < _FEW or np.median(_away(crown, face)) < _ALIKE:
+        return None
+    return lambda given: np.asarray(_away(given, face) < _away(given, crown))
+
+
+def _crown_and_face(chart: Chart, height: Float64, well: Bool) -> tuple[Bool, Bool]:
+    """Cells whose colors are those of a head's crown, and of its face, bool [V, U] each."""
+    aside = np.degrees(np.abs(chart.angle))[None]
+    # Of a fringe or a bald forehead photos know more than most heads.
+    crown = well & (aside > np.interp(height - _CROWN, *_HAIRLINE.T))
+    (low, high), front = _FACE
+    return crown, well & (height > low) & (height < high) & (np.abs(chart.angle) < front)[None]
 
 
 def usual_hair(chart: Chart, distance: Float64) -> Bool:
@@ -242,9 +262,8 @@ def heights_of(chart: Chart, distance: Float64) -> Float64:
                       + np.sin(chart.elevation)[:, None] * distance * chart.scale)
 
 
-def _away(colors: Float64, part: Bool) -> Float64:
-    """How far colors [V, U, 3] are from those of a part, in standard deviations, [V, U]."""
-    sample = colors[part]
+def _away(colors: Float64, sample: Float64) -> Float64:
+    """How far colors [..., 3] are from those of a sample [M, 3], in standard deviations, [...]."""
     spread = np.cov(sample.T) + _SPREAD ** 2 * np.eye(3)
     root = np.linalg.cholesky(np.linalg.inv(spread))
     return np.asarray(np.linalg.norm((colors - np.median(sample, axis=0)) @ root, axis=-1))

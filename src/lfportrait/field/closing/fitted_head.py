@@ -5,9 +5,11 @@ ears stand out from what a chart can hold (`lfportrait.field.geometry.chart`): t
 their own.
 
 A sweep from the front sees an ear's rim and hollow at grazing angles, and nothing of what is
-behind. The model's ear is moved to the surface that photos see there (iterated closest points
-with a similarity that stays near none, Besl and McKay 1992). What is hidden behind hair, or is past
-the mattes of most photos, is left out.
+behind. What photos see there that stands out of the skull and has the skin's color is the ear. If
+both of its ends lie higher than the model's, or both lower, that is made to end there. Then it is
+laid on what is seen (iterated closest points with a similarity that stays near none, Besl and McKay
+1992). What is hidden behind hair, or is past the mattes of most photos,
+is left out.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ...arrays import Bool, Float64, Int32, Int64
+from ...measure import usable_cores
 from ..geometry.chart import Chart, fitted_plate
 from .photos import Photos
 
@@ -128,6 +131,12 @@ def _local_rays(chart: Chart) -> Float64:
 
 REACH = 0.05  # Portrait units from an ear's surface up to which its distance is known (1 cm).
 _NEAR = 0.035  # Photos' surface this near to the model's ear is the ear's, portrait units.
+_ABOUT, _STANDS = 0.12, 0.03
+"""What photos see so near to an ear, and so far outside of the skull, portrait units, is it."""
+_ENDS = 0.05  # Share of the ear's places below its lower end, and above its upper.
+_HIGHER, _LARGER = 0.08, 0.25
+"""Portrait units by which an ear is moved up or down, and logarithm by which it grows, at most."""
+_BESIDE = 4  # Pixels around an ear that are looked at.
 _SHIFT, _TURN, _SIZE = 0.02, np.radians(8.0), 0.08
 """Deviations of an ear's place (portrait units), attitude and size (logarithm) on the model."""
 _NOISE, _COUNT = 0.008, 60.0
@@ -141,6 +150,7 @@ _WHOLE = 0.3
 0.03 and 0.17 where mattes had been riddled."""
 _MATTER = 0.7  # Share of the photos that see a place of an ear whose mattes must have matter there.
 _FRONT = 0.25  # Cosine from which on photos see a place of an ear well.
+_ALIKE = 12  # Places that photos show, near one of an ear, whose median is its color.
 _VIEWS = 12
 
 
@@ -159,6 +169,8 @@ class Ears:
     tree: cKDTree  # Of the points.
     reach: float  # World units up to which distances are known.
     step: float  # World units between samples.
+    # float64 [N, 3], sRGB in [0, 1], as photos show them; None: an ear has the colors around it.
+    colors: Float64 | None = None
 
     def distance(self, points: Float64) -> tuple[Float64, Int64]:
         """How far points [N, 3] lie outside, and their nearest samples; infinite far from ears."""
@@ -186,7 +198,12 @@ class Ears:
         return out
 
 
-def ears_of(head: FittedHead, chart: Chart, photos: Photos) -> Ears | None:
+IsSkin = Callable[[Float64], Bool]
+"""Which of colors [N, 3], sRGB in [0, 1], are rather skin than hair, [N]."""
+
+
+def ears_of(head: FittedHead, chart: Chart, photos: Photos, is_skin: IsSkin | None = None,
+            ) -> Ears | None:
     """The ears of a head that photos show, or None.
 
     Parameters
@@ -194,6 +211,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos) -> Ears | None:
     head : In the frame of the chart.
     chart : Of the closed surface.
     photos : What the photos, which have mattes, see of the field.
+    is_skin : What has another color is no ear; None: all colors may be an ear's.
     """
     if not head.ears.any():
         return None
@@ -201,14 +219,20 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos) -> Ears | None:
     to_world = np.eye(4) if chart.frame is None else np.linalg.inv(chart.frame)
     vertices = head.points @ to_world[:3, :3].T + to_world[:3, 3]
     left = head.points[:, 0] > 0
+    skull = _Skull.of(vertices, head.triangles[~head.ears[head.triangles].any(axis=1)],
+                      2 * STEP * unit)
     found, torn = [], []
     for side in (left, ~left):
         triangles = _around(head, side)
         own = np.asarray((head.ears & side)[head.triangles[triangles]].any(axis=1))
         points, normals, triangle = mesh_samples(vertices, head.triangles[triangles], STEP * unit)
         mine = own[triangle]
-        seen = _surface_near(photos, points[mine], _NEAR * unit)
-        points, normals = _moved(points, normals, mine, seen, unit)
+        about = _surface_near(photos, points[mine], _ABOUT * unit, is_skin)[0]
+        begin = _as_high(points, normals, mine, photos, skull, about, unit)
+        middle = points[mine].mean(axis=0)
+        at = begin.of(points, normals, middle, np.ones((len(points), 1)))[0]
+        seen = _surface_near(photos, at[mine], _NEAR * unit, is_skin)
+        points, normals = _moved(points, normals, mine, seen, unit, begin)
         kept = mine & (photos.matter(points, _HIDDEN * unit) > _MATTER)
         shown, whole = _shown(photos, points[kept], normals[kept], _HIDDEN * unit)
         if shown > _SHOWN:
@@ -219,7 +243,25 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos) -> Ears | None:
         return None
     points, normals, own = (np.concatenate(part) for part in zip(*found, strict=True))
     return Ears(points, normals, own, np.reshape(torn, (-1, 2, 3)), cKDTree(points), REACH * unit,
-                STEP * unit)
+                STEP * unit, _colors(points, normals, own, photos, is_skin))
+
+
+def _colors(points: Float64, normals: Float64, own: Bool, photos: Photos, is_skin: IsSkin | None,
+            ) -> Float64 | None:
+    """Colors [N, 3] of ears' samples: the photos', and beside what these show the nearest ones'."""
+    mine = np.flatnonzero(own)
+    # As a square: a picture's rows are no longer than 32767 (`cv2.remap`).
+    side = int(np.ceil(np.sqrt(len(mine))))
+    square = mine[np.minimum(np.arange(side * side), len(mine) - 1)].reshape(side, side)
+    found = photos.colors(points[square], normals[square], np.full((side, side, 3), np.nan))
+    shown, facing = (part.reshape(side * side, -1)[:len(mine)] for part in found)
+    known = facing[:, 0] > _FRONT
+    if is_skin is not None:
+        known[known] = is_skin(shown[known])
+    if known.sum() < _LEAST:
+        return None
+    nearest = cKDTree(points[mine[known]]).query(points, _ALIKE, workers=usable_cores())[1]
+    return np.asarray(np.median(shown[known][nearest], axis=1), np.float64)
 
 
 def _around(head: FittedHead, side: Bool) -> Int64:
@@ -236,35 +278,109 @@ def _views(count: int) -> Int64:
     return np.linspace(0, count - 1, min(_VIEWS, count)).astype(np.int64)
 
 
-def _surface_near(photos: Photos, points: Float64, reach: float) -> tuple[Float64, Float64]:
+@dataclass(frozen=True)
+class _Skull:
+    """Samples of a head without its ears, world units."""
+
+    points: Float64  # float64 [S, 3].
+    normals: Float64
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, vertices: Float64, triangles: Int32, step: float) -> _Skull:
+        """That of a mesh, sampled in such steps."""
+        points, normals, _ = mesh_samples(vertices, triangles, step)
+        return cls(points, normals, cKDTree(points))
+
+    def outside(self, points: Float64) -> Float64:
+        """How far points [N, 3] lie outside, [N]."""
+        nearest = self.tree.query(points)[1]
+        return np.asarray(((points - self.points[nearest]) * self.normals[nearest]).sum(axis=1))
+
+
+def _surface_near(photos: Photos, points: Float64, reach: float, is_skin: IsSkin | None,
+                  ) -> tuple[Float64, Float64]:
     """Places of what photos see near points [N, 3], and the ways to their cameras; [P, 3] each."""
     tree, places, ways = cKDTree(points), [], []
     for view in _views(len(photos.cameras)):
         pixels, _ = (part[0] for part in photos.cameras[view].project(points))
-        place, way = photos.surface(int(view), pixels.min(axis=0) - 4, pixels.max(axis=0) + 5)
+        place, way, colors = photos.surface(int(view), pixels.min(axis=0) - _BESIDE,
+                                            pixels.max(axis=0) + _BESIDE)
         near = np.isfinite(tree.query(place, distance_upper_bound=reach)[0])
+        if is_skin is not None and near.any():
+            near[near] = is_skin(colors[near])
         places.append(place[near])
         ways.append(way[near])
     return np.concatenate(places), np.concatenate(ways)
 
 
+@dataclass(frozen=True)
+class _Move:
+    """A similarity about the middle of an ear."""
+
+    turn: Float64  # Rotation vector, [3].
+    shift: Float64  # [3], world units.
+    size: float  # Logarithm of a factor.
+
+    def of(self, points: Float64, normals: Float64, middle: Float64, share: Float64,
+           ) -> tuple[Float64, Float64]:
+        """Points and unit normals, [N, 3] each, after a share [N, 1] of it."""
+        rotation = Rotation.from_rotvec(self.turn).as_matrix()
+        at = points + share * (middle + self.shift + np.exp(self.size)
+                               * (points - middle) @ rotation.T - points)
+        facing = normals + share * (normals @ rotation.T - normals)
+        return at, facing / np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+
+
+def _as_high(points: Float64, normals: Float64, own: Bool, photos: Photos, skull: _Skull,
+             places: Float64, unit: float) -> _Move:
+    """What makes an ear end where places [P, 3] around it, which photos see, end.
+
+    Fringes make what stands out of a skull longer both upwards and downwards, hair and collars
+    make it shorter: then nothing is known.
+    """
+    none = _Move(np.zeros(3), np.zeros(3), 0.0)
+    mine = np.flatnonzero(own)
+    mine = mine[skull.outside(points[mine]) > _STANDS * unit]
+    ways = photos.cameras.position[_views(len(photos.cameras))][:, None] - points[mine]
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    # As many pixels show a place as it faces them.
+    shown = np.clip((ways * normals[mine]).sum(axis=2), 0, 1).sum(axis=0)
+    if len(places):
+        places = places[skull.outside(places) > _STANDS * unit]
+    if len(places) < _LEAST or not shown.any():
+        return none
+    order = np.argsort(points[mine, 1])
+    total = np.cumsum(shown[order]) / shown.sum()
+    low, high = points[mine[order[np.searchsorted(total, (_ENDS, 1 - _ENDS))]], 1]
+    lowest, highest = np.quantile(places[:, 1], (_ENDS, 1 - _ENDS))
+    if (lowest - low) * (highest - high) <= 0:
+        return none
+    size = float(np.log(max(highest - lowest, 1e-9) / max(high - low, 1e-9)))
+    middle = float(points[own, 1].mean())
+    up = 0.5 * (lowest + highest) - middle - np.exp(size) * (0.5 * (low + high) - middle)
+    if abs(up) > _HIGHER * unit or abs(size) > _LARGER:
+        return none
+    return _Move(np.zeros(3), np.array([0.0, up, 0.0]), size)
+
+
 def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Float64],
-           unit: float) -> tuple[Float64, Float64]:
-    """Samples and normals after an ear was laid over what is seen of it."""
+           unit: float, begin: _Move) -> tuple[Float64, Float64]:
+    """Samples and normals after an ear was laid over what is seen of it, from where it begins."""
     places, ways = seen
-    if len(places) < _LEAST:
-        return points, normals
-    keep = np.unique(np.floor(places / (0.5 * _NOISE * unit)).astype(np.int64), axis=0,
-                     return_index=True)[1]
-    places, ways = places[keep], ways[keep]
     middle = points[own].mean(axis=0)
-    at, facing = points, normals
     # Around the ear the head stays.
     away = cKDTree(points[own]).query(points)[0]
     share = np.clip(1.0 - away / (0.04 * unit), 0, 1)[:, None]
+    move = begin
+    at, facing = move.of(points, normals, middle, share)
+    if len(places) < _LEAST:
+        return at, facing
+    keep = np.unique(np.floor(places / (0.5 * _NOISE * unit)).astype(np.int64), axis=0,
+                     return_index=True)[1]
+    places, ways = places[keep], ways[keep]
     held = 1.0 / np.concatenate([np.full(3, _TURN ** 2), np.full(3, (_SHIFT * unit) ** 2),
                                  [_SIZE ** 2]])
-    turn, shift, size = np.zeros(3), np.zeros(3), 0.0
     for step in range(_ROUNDS):
         reach = np.interp(step, (0, _ROUNDS - 1), (_NEAR, 0.5 * _NEAR)) * unit
         length, nearest = cKDTree(at[own]).query(places, distance_upper_bound=reach)
@@ -279,19 +395,16 @@ def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Fl
         noise = _NOISE * unit
         weight = (np.minimum(1.0, 2 * noise / np.maximum(np.abs(error), 1e-12)) / noise ** 2
                   / max(len(mine) / _COUNT, 1.0))
-        arm = at[mine] - middle - shift
+        arm = at[mine] - middle - move.shift
         rows = np.concatenate([np.cross(arm, normal), normal,
                                (arm * normal).sum(axis=1)[:, None]], axis=1)
         matrix = rows.T @ (weight[:, None] * rows) + np.diag(held)
-        right = -rows.T @ (weight * error) - held * np.concatenate([turn, shift, [size]])
+        off = np.concatenate([move.turn, move.shift - begin.shift, [move.size - begin.size]])
+        right = -rows.T @ (weight * error) - held * off
         change = np.linalg.solve(matrix, right)
-        turn = (Rotation.from_rotvec(change[:3]) * Rotation.from_rotvec(turn)).as_rotvec()
-        shift, size = shift + change[3:6], size + change[6]
-        rotation = Rotation.from_rotvec(turn).as_matrix()
-        at = points + share * (middle + shift + np.exp(size) * (points - middle) @ rotation.T
-                               - points)
-        facing = normals + share * (normals @ rotation.T - normals)
-        facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+        turn = (Rotation.from_rotvec(change[:3]) * Rotation.from_rotvec(move.turn)).as_rotvec()
+        move = _Move(turn, move.shift + change[3:6], move.size + float(change[6]))
+        at, facing = move.of(points, normals, middle, share)
     return at, facing
 
 

@@ -145,8 +145,9 @@ class Photos:
                      float(least), shown)
         return shown
 
-    def surface(self, view: int, low: Float64, high: Float64) -> tuple[Float64, Float64]:
-        """Places that a view sees in a rectangle of its pixels, and the ways to it.
+    def surface(self, view: int, low: Float64, high: Float64,
+                ) -> tuple[Float64, Float64, Float32]:
+        """Places that a view sees in a rectangle of its pixels, the ways to it, and their colors.
 
         Parameters
         ----------
@@ -155,8 +156,8 @@ class Photos:
 
         Returns
         -------
-        places, ways : float64 [P, 3] each, the ways of unit length; next to an outline nothing
-            is known.
+        places, ways, colors : float64 [P, 3] each, the ways of unit length, and float32 [P, 3],
+            sRGB in [0, 1]; next to an outline nothing is known.
         """
         height, width = self._depths[view].shape
         left, top = np.clip(np.floor(low), 0, [width, height]).astype(np.int64)
@@ -169,7 +170,8 @@ class Photos:
         pixels = np.stack([column + left, row + top], axis=1) + 0.5
         origins, rays = self.cameras.rays(view, pixels)
         ahead = self.cameras.pose[view, :3, 2]
-        return origins + rays * (depth[near] / (rays @ ahead))[:, None], -rays
+        return (origins + rays * (depth[near] / (rays @ ahead))[:, None], -rays,
+                self._picture(view)[0][part][near])
 
     def colors(self, points: Float64, outwards: Float64, given: Float64,
                ) -> tuple[Float64, Float64]:

@@ -120,11 +120,19 @@ class Shell:
             corners.append(ears)
         return self.chart.cells_between(field, low, high, np.concatenate(corners))
 
-    def coefficients(self, places: Float64, basis: int) -> Float32:
-        """Coefficients [N, 3, B] of the colors at places: the same from all sides."""
-        sh = np.zeros((places.shape[1], 3, basis), np.float32)
-        for k in range(3):
-            sh[:, k, 0] = (at_places(self.colors[..., k], places) - 0.5) / C0
+    def coefficients(self, points: Float64, places: Float64, basis: int) -> Float32:
+        """Coefficients of the colors at points [N, 3], places [2, N]: the same from all sides.
+
+        Float32 [N, 3, B].
+        """
+        colors = np.stack([at_places(self.colors[..., k], places) for k in range(3)], axis=-1)
+        if self.ears is not None and self.ears.colors is not None:
+            # Behind an ear lies hair, whose colors a chart has there.
+            away, sample = self.ears.distance(points)
+            near = np.abs(away) < SHELL * self.voxel
+            colors[near] = self.ears.colors[sample[near]]
+        sh = np.zeros((len(points), 3, basis), np.float32)
+        sh[:, :, 0] = (colors - 0.5) / C0
         return sh
 
     def turn(self, places: Float64) -> Float64:
@@ -166,11 +174,13 @@ def with_shell(field: VoxelField, shell: Shell, photos: Photos, cut: Cut | None,
     # ray would see gray.
     beside = ~kept & _beside(field.links.shape, cells, kept)
     fresh = np.where(beside, np.float32(0), _density(deep, voxel))[kept | beside]
-    cells, places = cells[kept | beside], places[:, kept | beside]
+    cells, places, points = (cells[kept | beside], places[:, kept | beside],
+                             points[kept | beside])
     links = field.links.copy()
     links[tuple(cells.T[::-1])] = np.arange(len(cells), dtype=np.int32) + len(density)
     return VoxelField(links, np.concatenate([density, fresh]),
-                      np.concatenate([sh, shell.coefficients(places, field.basis)]), field.center,
+                      np.concatenate([sh, shell.coefficients(points, places, field.basis)]),
+                      field.center,
                       field.radius, field.frame, field.background), len(cells)
 
 
@@ -202,7 +212,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, 
     near = (deep > -np.inf) & (deep < SHELL)
     seen, fresh = photos.seen(points[near]), _density(deep[near], shell.voxel)
     dim = np.flatnonzero(near)[seen < 2]
-    sh[dim] = shell.coefficients(places[:, dim], field.basis)
+    sh[dim] = shell.coefficients(points[dim], places[:, dim], field.basis)
     if shell.guessed:
         outwards = shell.normals(points[near], places[:, near])
         well = photos.seen(points[near], outwards, WELL) >= photos.enough
@@ -223,7 +233,7 @@ def _changed(field: VoxelField, shell: Shell, photos: Photos) -> tuple[Float32, 
         colored[asked] = photos.seen(points[near][asked], outwards[asked],
                                      FAIRLY) >= photos.enough
         near[near] = ~colored
-        sh[near] = shell.coefficients(places[:, near], field.basis)
+        sh[near] = shell.coefficients(points[near], places[:, near], field.basis)
         return density, sh
     # Outlines, each of which a single photo sees, stay where they are on the surface.
     new = ((seen == 0) & (~photos.past(points[near]) | (deep[near] < 0))

@@ -33,7 +33,7 @@ from ..geometry.chart import (
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
-from .colors import NAPE, continued_in_shade, hair_cells, heights_of, usual_hair
+from .colors import NAPE, continued_in_shade, hair_cells, heights_of, skin_by_color, usual_hair
 from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
 from .photos import Photos, behind_what_is_seen
@@ -198,10 +198,11 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
-        ears = ears_of(head, chart, photos)
+        faced = known & (_confidence(surface.facing) > YIELDS)
+        ears = ears_of(head, chart, photos,
+                       skin_by_color(chart, surface.distance, colors, faced))
         skull = head_distance(head, chart, surface.distance)
-        skull = with_hair(skull, chart, distance,
-                          known & ~knotted & (_confidence(surface.facing) > YIELDS))
+        skull = with_hair(skull, chart, distance, faced & ~knotted)
         guess = _led(guess, skull, surface, distance, ears)
     base, known = guess.base, guess.known
     shown = (guess.trust > 0) & finite & ~knotted

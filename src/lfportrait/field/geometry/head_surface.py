@@ -22,7 +22,7 @@ m).
 A knot of hair behind a head shows only above it, and a sweep finds none. The space that most mattes
 show beside the surface, and none rules out, is a spindle along the middle direction of the arc,
 widest where the knot is. What is seen of it is taken for the top of a ball, whose rows tell its
-radius.
+radius roughly; then rays at all outlines are made to touch the ball.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from scipy import ndimage
+from scipy.optimize import least_squares
 
 from ...arrays import Bool, Float32, Float64, Int64, UInt8, box_about
 from ...capture import Camera, Capture, lattice_votes, portrait_frame_from_landmarks
@@ -207,6 +208,10 @@ _LEAST, _KNOT_MOST = (0.06, 0.025), 0.52
 """Width and height, portrait units, from which on it is a knot: a tuft is none; and the largest
 width: a hat, and much hair, are none either."""
 _FLAT = 2.0  # How much larger a ball's radius may be than half of the width that is seen of it.
+_AROUND, _WAYS = (0.6, 1.4), 128
+"""Radii of a ball between which its outline is looked for, along so many ways from its middle."""
+_EDGE = 1.5  # Pixels inside of an outline at which a knot must stand out of the head.
+_FEW = 40  # Places of outlines below which a ball is left as it is.
 
 
 def knots_behind(chart: Chart, distance: Float64, limit: Float64, cameras: Camera,
@@ -231,7 +236,7 @@ def knots_behind(chart: Chart, distance: Float64, limit: Float64, cameras: Camer
     axes = _axes(cameras.position.mean(axis=0) - _MIDDLE)
     turned = np.eye(4)
     turned[:3, :3], turned[:3, 3] = axes, -axes @ _MIDDLE
-    cameras = cameras.transformed(turned)
+    given, cameras = cameras, cameras.transformed(turned)
     shape = tuple(np.round(2 * _REACH / _KNOT_CELL).astype(int)[::-1].tolist())
 
     def votes(covered: Callable[[int], Bool], share: float) -> Bool:
@@ -251,8 +256,9 @@ def knots_behind(chart: Chart, distance: Float64, limit: Float64, cameras: Camer
         middle = _MIDDLE + ball[0] @ axes
         if middle[1] < _LOW:
             continue
+        middle, radius = _touching(middle, ball[1], given, mattes, others)
         # So many that there are some in each cell of the chart.
-        places = middle + ball[1] * _directions(int(16 * (ball[1] / _KNOT_CELL) ** 2))
+        places = middle + radius * _directions(int(16 * (radius / _KNOT_CELL) ** 2))
         (row, column), far = local.places(places)
         cell = (np.clip(np.rint(row), 0, len(distance) - 1).astype(np.int64) * distance.shape[1]
                 + np.rint(column).astype(np.int64) % distance.shape[1])
@@ -316,6 +322,55 @@ def _ball(piece: Bool, hull: Bool) -> tuple[Float64, float] | None:
     radius = float(np.clip(radius, 0.5 * width, 0.5 * _FLAT * width))
     at = 0.5 * (left + right).mean(), low + up.max() + 0.5 - radius / _KNOT_CELL, depth
     return _KNOT_CELL * (np.array(at) + 0.5) - _REACH, radius
+
+
+def _touching(middle: Float64, radius: float, cameras: Camera, mattes: Sequence[UInt8],
+              others: Sequence[Bool]) -> tuple[Float64, float]:
+    """A ball, its middle [3] and radius, that rays at the outlines of mattes touch.
+
+    ``others`` : Where mattes show something beside the head, bool [H, W] a photo.
+    """
+    rays = [_outline(middle, radius, cameras, view, *shown)
+            for view, shown in enumerate(zip(mattes, others))]
+    origins, ways = (np.concatenate(part) for part in zip(*rays))
+    if len(origins) < _FEW:
+        return middle, radius
+
+    def apart(ball: Float64) -> Float64:
+        away = np.cross(ball[:3] - origins, ways)
+        return np.asarray(np.linalg.norm(away, axis=1) - ball[3], np.float64)
+
+    # Strands stand out, and knots are no balls: what is half a cell off counts less.
+    found = least_squares(apart, np.append(middle, radius), loss="soft_l1",
+                          f_scale=0.5 * _KNOT_CELL).x
+    moved = np.abs(found - np.append(middle, radius)).max()
+    if moved > (_FLAT - 1.0) * 0.5 * radius:  # Something else has that outline.
+        return middle, radius
+    return found[:3], float(found[3])
+
+
+def _outline(middle: Float64, radius: float, cameras: Camera, view: int, matte: UInt8,
+             other: Bool) -> tuple[Float64, Float64]:
+    """Rays of a view at the outline around a ball, where that is not the head's: [N, 3] each."""
+    (place,), (depth,) = (part[0] for part in cameras[view].project(middle[None]))
+    pixels = float(cameras.focal[view, 0]) * radius / max(float(depth), 1e-6)
+    turn = np.arange(_WAYS) * 2 * np.pi / _WAYS
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    step = np.arange(_AROUND[0] * pixels, _AROUND[1] * pixels, 0.5)
+    at = (place + step[:, None, None] * way).astype(np.float32)
+    shown = cv2.remap(matte, at[..., 0] - 0.5, at[..., 1] - 0.5, cv2.INTER_LINEAR,
+                      borderValue=255).astype(np.float64) - 127.5
+    inside = shown > 0
+    last = len(step) - 1 - np.argmax(inside[::-1], axis=0)
+    # Where the matte goes on, or never begins, there is no outline.
+    ends = np.flatnonzero(inside.any(axis=0) & (last < len(step) - 1))
+    here, next_to = shown[last[ends], ends], shown[last[ends] + 1, ends]
+    edge = step[last[ends]] + 0.5 * here / (here - next_to)
+    column, row = np.floor(place[:, None] + (edge - _EDGE) * way[ends].T).astype(np.int64)
+    height, width = other.shape
+    beside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    beside[beside] = other[row[beside], column[beside]]
+    return cameras.rays(view, place + (edge[:, None] * way[ends])[beside])
 
 
 def _run(section: Bool, middle: int) -> tuple[Int64, Int64, Int64]:
