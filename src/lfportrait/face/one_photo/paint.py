@@ -35,7 +35,7 @@ from .lattice import Shell
 from .locks import Chart
 from .parts import Parts
 from .piece import METRES
-from .shade import Light, open_around
+from .shade import Hue, Light, open_around
 from .solid import BODY, HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
@@ -669,7 +669,13 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                 shown, whole = weight[bare, None], photo.copy()
                 whole[bare] = shown * photo[bare] + (1 - shown) * found[bare]
                 found[~bare] = _spread(at, whole, np.maximum(weight, 0.5 * bare), 0)[~bare]
-        out[place] = parts[kind][place, None] * found * light
+        found *= light
+        if kind == 2 and relief is not None:
+            like = np.ones(len(at), bool) if ring is not None else bare
+            hue = Hue.of(own.colors[place][like], (weight * own.square[place])[like])
+            if hue is not None:
+                found[like] = hue.held(found[like])
+        out[place] = parts[kind][place, None] * found
         return out
 
     with ThreadPoolExecutor(2) as pool:
