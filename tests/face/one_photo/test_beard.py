@@ -170,6 +170,23 @@ def test_a_beard_hangs_from_the_chin_and_not_on_the_throat(head):
     assert front(bearded, below, 0.25)[0] < ahead - 0.05
 
 
+def test_a_beard_below_a_chin_that_is_held_up_is_no_slab_apart_from_it(head):
+    _, samples, _ = head
+    prior = generic_prior()
+    points = prior.mean.astype(float) / METRES
+    points[:, 2] -= points[:, 2].mean()
+    points[:, 1] -= points[prior.landmarks[30], 1]
+    below = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=600.0,
+                       target=(0, 0, 0), pitch=-22.0)  # it sees the nape below the chin
+    landmarks = below.project(points[prior.landmarks])[0][0]
+    bearded = with_beard((below, samples, landmarks), True)
+    chin = bearded.head.points[np.argmin(np.linalg.norm(bearded.head.rest - [0, 0, 0.09], axis=1))]
+    for down in np.linspace(0.03, 0.16, 6):
+        ahead, owner = front(bearded, down)
+        assert owner == BEARD
+        assert ahead > chin[2] - 0.08, "a gap between the two"
+
+
 @pytest.mark.slow  # a head once more
 def test_what_no_photo_shows_is_bearded_or_bare_and_nothing_between(head):
     camera, _, landmarks = head

@@ -185,7 +185,7 @@ def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
                             on=np.arange(7.0)[:, None] * [0.3, 0, 0], voxel=0.01,
                             away=np.zeros(7))
     own = SimpleNamespace(best=np.array([1, 0, HIDDEN / 2, 1, 1, 1, 0]),
-                          share=np.array([0, 0, 0, 0, 0.5, 1, 0]))
+                          share=np.array([0, 0, 0, 0, 0.5, 1, 0]), square=np.zeros(7))
     unseen = SimpleNamespace(best=np.zeros(7), share=np.zeros(7))
     assert np.allclose(_hairy(shell, own, unseen), [1, 1, 0.5, 0, 0.5, 1, 0])
     bare, grown = (SimpleNamespace(best=np.ones(7), share=np.full(7, share)) for share in (0, 1))
@@ -202,10 +202,31 @@ def test_hair_that_lies_deep_within_skin_is_not_seen(deep, hairy):
     shell = SimpleNamespace(owner=np.repeat([HEAD, HAIR], [60, 20]), scalp=np.zeros(80, bool),
                             face=np.ones(80, bool), on=np.concatenate([cheek, cheek[:20]]),
                             away=np.repeat([0.0, deep], [60, 20]), voxel=0.01)
-    unseen = SimpleNamespace(best=np.zeros(80), share=np.zeros(80))
+    unseen = SimpleNamespace(best=np.zeros(80), share=np.zeros(80), square=np.zeros(80))
     found = _hairy(shell, unseen, unseen)[:60]
     assert found[40:].max() == 0
     assert (found[:15].min() > 0.9) == hairy and (found[:15].max() > 0.1) == hairy
+
+
+@pytest.mark.parametrize("share, square, hairy", [(0.0, 1.0, False), (1.0, 1.0, True),
+                                                  (0.0, 0.1, True)])
+def test_the_edge_of_hair_on_a_bare_forehead_is_no_dark_line(share, square, hairy):
+    # A forehead, above it its uppermost part, which is the hair's, and between them a ledge.
+    count = 40
+    at = np.arange(3 * count) * 0.004
+    shell = SimpleNamespace(owner=np.repeat([HEAD, HAIR, HAIR], count), away=np.zeros(3 * count),
+                            scalp=np.zeros(3 * count, bool), voxel=0.004,
+                            face=np.repeat([True, False, False], count),
+                            on=at[:, None] * [0, 1, 0])
+    ledge = slice(count, count + 4)
+    best = np.ones(3 * count)
+    best[ledge] = 0
+    shown = np.where(np.arange(3 * count) < 2 * count, share, 1.0)
+    own = SimpleNamespace(best=best, share=shown * (shell.owner == HAIR), square=square * best)
+    other = SimpleNamespace(best=np.zeros(3 * count), share=np.zeros(3 * count))
+    found = _hairy(shell, own, other)
+    assert (found[ledge] > 0.9).all() if hairy else (found[ledge] < 0.3).all()
+    assert found[2 * count + 10:].min() > 0.9
 
 
 def test_ground_in_hair_is_found_and_highlights_are_not():

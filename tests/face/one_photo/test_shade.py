@@ -1,11 +1,11 @@
-"""The light on what no photo shows, and detail that a lattice can hold."""
+"""The light and the hue of what no photo shows, and detail that a lattice can hold."""
 
 import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.face.one_photo.paint import Relief, Shot, _fill, _grain, _Mean
-from lfportrait.face.one_photo.shade import Light, open_around
+from lfportrait.face.one_photo.paint import LIT, Relief, Shot, _fill, _grain, _Mean
+from lfportrait.face.one_photo.shade import LUMINANCE, Hue, Light, open_around
 
 SKIN = np.array([0.5, 0.36, 0.3])
 
@@ -135,3 +135,45 @@ def test_what_is_not_seen_is_as_uneven_as_what_is():
         grain = _grain(points, 2 * points, colors, seen.astype(float), ~seen, (1.0,))
         spread.append(float(np.log(grain).std()))
     assert spread[0] < 0.02 and 0.06 < spread[1] < 0.15
+
+
+def test_a_hue_is_held_and_its_lightness_kept():
+    generator = np.random.default_rng(4)
+    # It is redder in shade, as skin is.
+    light = generator.uniform(0.3, 1.0, (3000, 1))
+    skin = SKIN * light * np.exp(0.1 * (1 - light) * [1, 0, -1])
+    skin *= np.exp(generator.normal(0, 0.02, skin.shape))
+    hue = Hue.of(skin, np.ones(len(skin)))
+    assert hue is not None
+    assert np.abs(np.log(hue.held(skin) / skin)).mean() < 0.02
+    stained = skin * np.array([0.8, 1.1, 0.7])
+    held = hue.held(stained)
+    assert np.allclose(held @ LUMINANCE, stained @ LUMINANCE, atol=1e-6)
+    off = [np.abs(np.log(one[:, 0] / one[:, 1] / (skin[:, 0] / skin[:, 1]))).mean()
+           for one in (stained, held)]
+    assert off[0] > 0.3 and off[1] < 0.08
+    assert Hue.of(skin[:20], np.ones(20)) is None
+
+
+@pytest.mark.parametrize("worn", [True, False])
+def test_a_colored_light_along_one_cheek_is_no_stain_on_the_other(worn):
+    x, y = (one.ravel() for one in np.meshgrid(np.linspace(-0.6, 0.6, 60), np.linspace(0, 1, 40)))
+    points = np.stack([x, y, -x ** 2], axis=1)
+    normals = np.stack([x, np.zeros_like(x), np.ones_like(x)], axis=1)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    skin = np.ones(len(points), bool)
+    colors = np.broadcast_to(SKIN, (len(points), 3)).copy()
+    colors[x > 0.45] *= [0.75, 1.0, 0.6]  # green
+    own, other = _Mean(len(points)), _Mean(len(points))
+    for mean, way in ((own, 1), (other, -1)):
+        mean.weights[:] = mean.best[:] = way * x > -0.2
+        slanted = np.clip(1.2 - 1.5 * np.abs(x), 0.3, 1)
+        mean.square[:] = mean.best * slanted ** LIT
+        mean.total[:, :3] = mean.best[:, None] * (colors if way > 0 else colors.reshape(
+            40, 60, 3)[:, ::-1].reshape(-1, 3))
+    bare, none = np.ones(len(points)), np.zeros(len(points))
+    ring = np.zeros((len(points), 2)) if worn else None
+    found = _fill(points, own, other, (none, none, bare, none), skin, ring,
+                  Relief(normals, np.ones(len(points))))
+    redness = found[:, 0] / found[:, 1]
+    assert redness[x < -0.45].min() > 0.95 * SKIN[0] / SKIN[1]

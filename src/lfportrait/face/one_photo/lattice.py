@@ -15,7 +15,7 @@ from ...field import VoxelField
 from ...measure import usable_cores
 from .beard import BEARD
 from .collar import HIGHER, Collar
-from .solid import BODY, HAIR, HEAD, WORN, Solid, ear_light, scalp
+from .solid import BODY, HAIR, HEAD, WORN, Solid, above_jaw, ear_light, scalp
 from .wires import Wires
 
 Places = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
@@ -33,9 +33,7 @@ APART = 4  # Points of that lattice between the two, at least.
 BLADE = 0.03  # What of a body is thinner than twice this beside a neck is none, portrait units.
 STEEP = 4.0  # Optical depth of a voxel one voxel below the surface; at most twice that.
 CHIN = 0.01  # Height above the model's chin (metres) below which there is throat and neck.
-JAW = np.array([[0.002, 0.060], [0.010, 0.037], [0.027, 0.020], [0.042, 0.013], [0.061, 0.003]])
-"""Depths (forward) and heights of the jaw's edge on the mean head, metres."""
-UNDERSIDE = 0.008  # How far below that a face goes on, metres.
+UNDERSIDE = 0.008  # How far below the jaw's edge a face goes on, metres.
 _MANY, _THREADS = 50_000, 4
 """Points from which on it pays to ask for them on another core, and how many cores are asked at
 most: each goes through the maps of all pieces."""
@@ -82,8 +80,7 @@ class Shell:
         self.face = self.scalp.copy()
         self.whole_face = self.face.copy()
         self.face[self.face] = rest[:, 1] > CHIN
-        self.whole_face[self.whole_face] = (
-            rest[:, 1] > np.interp(rest[:, 2], *JAW.T) - UNDERSIDE)
+        self.whole_face[self.whole_face] = above_jaw(rest, UNDERSIDE)
         self.scalp[self.scalp] = scalp(rest)
 
     def _fill(self, distance: _Distance, first: Float64, middle: Float32, near: Bool,

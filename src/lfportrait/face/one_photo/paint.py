@@ -35,7 +35,7 @@ from .lattice import Shell
 from .locks import Chart
 from .parts import Parts
 from .piece import METRES
-from .shade import Light, open_around
+from .shade import Hue, Light, open_around
 from .solid import BODY, HAIR, HEAD, WORN
 from .tufts import aligned, tufts
 
@@ -91,6 +91,10 @@ beside it, may have the face's color: no fitted jaw ends exactly where the photo
 RIM = (0.55, 0.7)
 """Hair that hangs before something has that one's color along its edge: where a photo shows less
 hair than the first it says nothing of it, from the second on all."""
+SQUARELY = 0.2  # Third powers of cosines from which on a forehead is squarely seen.
+LINE = (CELL, 2 * CELL)
+"""Up to so far from what photos show of hair's surface it is as that is, hair or bare, from the
+second on hair, portrait units."""
 TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face hides itself so.
 UNDERSIDE = -0.3  # What faces down by more, as the underside of a nose, is the photo's at an edge.
 LIP = 0.025 / METRES
@@ -576,7 +580,8 @@ def _bearded(shell: Shell, own: _Mean) -> Float64:
 
 def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     """How much of a shell's points is hair, [N] in [0, 1]."""
-    hair = np.asarray(shell.owner == HAIR, np.float64)
+    part = shell.owner == HAIR
+    hair = np.asarray(part, np.float64)
     if not hair.any():
         return hair
     # What no photo shows has hair, too, where it has on the other side, or where hair grows; so has
@@ -593,6 +598,13 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     near = np.abs(shell.away[head]) < 1.5 * shell.voxel
     within = _closed(shell.on[head], near & (out[head] > 0.5), bare[head], shell.voxel)
     out[head] = np.maximum(out[head], within * unseen[head])
+    # The underside of hair whose edge lies on a bare forehead is none, or a dark line across that.
+    bald = (own.square > SQUARELY) & shell.face & (own.share < 0.5)
+    if not bald.any():
+        return np.asarray(out)
+    close = 1 - _far(shell.on, bald.astype(np.float64), LINE)[part]
+    shown = _spread(shell.on[part], own.share[part][:, None], own.best[part], 0)[:, 0]
+    out[part] -= unseen[part] * close * (1 - np.clip(2 * shown - 0.5, 0, 1))
     return np.asarray(out)
 
 
@@ -669,7 +681,13 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                 shown, whole = weight[bare, None], photo.copy()
                 whole[bare] = shown * photo[bare] + (1 - shown) * found[bare]
                 found[~bare] = _spread(at, whole, np.maximum(weight, 0.5 * bare), 0)[~bare]
-        out[place] = parts[kind][place, None] * found * light
+        found *= light
+        if kind == 2 and relief is not None:
+            like = np.ones(len(at), bool) if ring is not None else bare
+            hue = Hue.of(own.colors[place][like], (weight * own.square[place])[like])
+            if hue is not None:
+                found[like] = hue.held(found[like])
+        out[place] = parts[kind][place, None] * found
         return out
 
     with ThreadPoolExecutor(2) as pool:

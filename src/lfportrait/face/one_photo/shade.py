@@ -1,13 +1,16 @@
-"""The light on what no photo shows, by what a photo shows of the same material.
+"""The light on what no photo shows, and its hue, by what a photo shows of the same material.
 
 A cheek that is seen too slanted has the color of what lies around it, but not its light: below a
 jaw a neck is darker, and what turns away from the light, too. How the logarithm of a photo's
 colors goes with the normal of a place, and with how open it lies, is found by least squares where
-the photo shows that material. Its colors are spread without that light, and then lit again.
+the photo shows that material. Its colors are spread without that light, and then lit again. Skin
+keeps to the hue that it has at each lightness where the photo sees it squarely: a rim of light
+along one cheek, or a sleeve's reflection, would be a stain on the other.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +27,11 @@ FLAT = 0.1587  # Of such a mean, before a flat surface: beyond one deviation.
 HIDDEN, OPEN = 0.05, 1.3  # The least and the most open that a place is taken for.
 DARKEST = 0.02  # Added to colors before their logarithm.
 TIE = 0.02  # Of coefficients to zero; variances of normals are some tenths.
+FEWEST = 100  # So few places say nothing of a hue.
+SHARES = (0.02, 0.15, 0.3, 0.5, 0.7, 0.85, 0.98)
+"""Quantiles of the lightness that is seen between which hues are known."""
+EVEN = 0.03  # A hue's least deviation, of a logarithm.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BETWEEN = 0.02, 0.98  # Quantiles of the light that is seen: no place has more of it, or less.
 
 
@@ -87,3 +95,46 @@ class Light(NamedTuple):
 
 def _features(normals: Float64, free: Float64) -> Float64:
     return np.column_stack([normals, np.log(free)])
+
+
+class Hue(NamedTuple):
+    """Which hue a material has at each lightness, and by how much it varies."""
+
+    light: Float64  # float64 [K], logarithms of lightness, rising.
+    middle: Float64  # float64 [K, 2], of red and blue over green.
+    spread: Float64  # float64 [K, 2], deviations.
+
+    @staticmethod
+    def of(colors: Float64, weights: Float64) -> Hue | None:
+        """The one of colors [N, 3] that are known so well; None if these are too few."""
+        some = weights > 0.5 * weights.max(initial=0.0)
+        if some.sum() < FEWEST:
+            return None
+        light, hue = _hues(colors[some])
+        steps = np.quantile(light, SHARES)
+        found = []
+        for low, high in itertools.pairwise(steps):
+            part = (light >= low) & (light <= high)
+            middle = np.median(hue[part], axis=0)
+            away = 1.48 * np.median(np.abs(hue[part] - middle), axis=0)
+            found.append((np.median(light[part]), middle, np.hypot(away, EVEN)))
+        lights, middles, spreads = (np.array(one) for one in zip(*found, strict=True))
+        return Hue(lights, middles, spreads)
+
+    def held(self, colors: Float64) -> Float64:
+        """Colors [N, 3] whose hue is near that of their lightness, which stays as it is."""
+        light, hue = _hues(colors)
+        middle, spread = (np.stack([np.interp(light, self.light, one[:, k]) for k in range(2)],
+                                   axis=1) for one in (self.middle, self.spread))
+        away = (hue - middle) / spread
+        hue = middle + spread * away * (1 + away ** 4) ** -0.25
+        out = np.exp(np.stack([hue[:, 0], np.zeros(len(hue)), hue[:, 1]], axis=1))
+        return np.asarray(out * (np.exp(light) / (out @ LUMINANCE))[:, None] - DARKEST)
+
+
+def _hues(colors: Float64) -> tuple[Float64, Float64]:
+    """Logarithms of lightness [N] of colors [N, 3], and of red and blue over green [N, 2]."""
+    colors = np.maximum(colors, 0) + DARKEST
+    logs = np.log(colors)
+    return np.log(colors @ LUMINANCE), np.stack([logs[:, 0] - logs[:, 1], logs[:, 2] - logs[:, 1]],
+                                                axis=1)

@@ -50,6 +50,8 @@ HAIRLINE = np.array([(-0.12, 0.055), (-0.09, 0.055), (-0.065, 0.08), (-0.05, 0.1
                      (0.012, 0.110), (0.025, 0.150), (0.045, 0.172), (0.07, 0.190), (0.12, 0.20)])
 """Depths and heights (metres, `HeadPrior.rest`) of the line above which a head has hair: from the
 nape behind and close over the ears to the temples and the forehead."""
+JAW = np.array([[0.002, 0.060], [0.010, 0.037], [0.027, 0.020], [0.042, 0.013], [0.061, 0.003]])
+"""Depths (forward) and heights of the jaw's edge on the mean head, metres."""
 SKULL = np.array([(0.05, 0.064), (0.07, 0.0695), (0.09, 0.0735), (0.11, 0.0767), (0.13, 0.079)])
 """Heights, and how far from the middle a head's sides lie there below its ears (metres,
 `HeadPrior.rest`)."""
@@ -198,7 +200,8 @@ def solid_of(parts: Parts, samples: MeshSamples, sensed: Sensed | None = None,
                           place, body, sensed, outer)
     beard = None
     if parts.beard is not None:
-        face = depth_maps(samples, parts, height > 0)[0]
+        # Below a chin that is held up the nape is as high as the jaw, and no part of it.
+        face = depth_maps(samples, parts, above_jaw(samples.rest))[0]
         beard = beard_piece(parts, parts.beard, face, _down(parts, samples), body)
     before = None if sensed is None else hair_before(sensed, parts.hair)
     return Solid(parts, samples, hair, body, neck, _end(parts, body), before, beard,
@@ -219,6 +222,11 @@ def _down(parts: Parts, samples: MeshSamples) -> Float64:
 def scalp(rest: Float64) -> Bool:
     """Where hair grows, bool [N], of places [N, 3] on the mean head (`HeadPrior.rest`)."""
     return np.asarray((rest[:, 1] > np.interp(rest[:, 2], *HAIRLINE.T)) & ~_ears(rest))
+
+
+def above_jaw(rest: Float64, lower: float = 0.0) -> Bool:
+    """What lies above the jaw's edge, or so much ``lower``, of places [N, 3] on the mean head."""
+    return np.asarray(rest[:, 1] > np.interp(rest[:, 2], *JAW.T) - lower)
 
 
 def standing_out(rest: Float64) -> Float64:
