@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from lfportrait.capture import Camera, Capture
-from lfportrait.field.closing import FittedHead, close_back, sides
+from lfportrait.field.closing import FittedHead, close_back, fitted_head, sides
 from lfportrait.field.closing.fitted_head import (
     Ears,
     _as_high,
@@ -241,7 +241,8 @@ def test_an_ear_ends_where_what_stands_out_ends(filmed, low, high, known):
     seen = places[front]
     ends = seen[:, 1].min(), seen[:, 1].max()
     seen[:, 1] += np.interp(seen[:, 1], ends, (low, high))
-    move = _as_high(places, normals, own, photos, skull, seen, 1.0)
+    up = np.array([0.0, 1.0, 0.0])
+    move = _as_high(places, normals, own, photos, skull, seen, 1.0, up)
     moved, _ = move.of(places, normals, places.mean(axis=0), np.ones((len(places), 1)))
     if not known:
         assert not move.shift.any() and move.size == 0.0
@@ -250,7 +251,16 @@ def test_an_ear_ends_where_what_stands_out_ends(filmed, low, high, known):
     assert moved[front, 1].max() == pytest.approx(seen[:, 1].max(), abs=0.012)
     # Beside a few places, or far away, nothing is known.
     for none in (seen[:10], seen + np.array([0.0, 0.2, 0.0]), seen[:0]):
-        assert not _as_high(places, normals, own, photos, skull, none, 1.0).shift.any()
+        assert not _as_high(places, normals, own, photos, skull, none, 1.0, up).shift.any()
+
+
+def test_what_is_seen_far_above_an_ear_is_looked_at(filmed):
+    _, photos = filmed
+    # A spot in the middle of the ball: what is seen within .25 of it is a disc of that size.
+    spot = np.array([[0.0, 0.0, 0.6], [0.01, 0.0, 0.6]])
+    places, _ = fitted_head._surface_near(photos, spot, 0.25, None)
+    away = np.linalg.norm(places[:, :2], axis=1)
+    assert 0.2 < away.max() < 0.27 and (np.abs(places[:, 1]) > 0.15).any()
 
 
 def test_ears_have_the_colors_that_photos_show_of_them(filmed):

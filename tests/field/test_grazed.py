@@ -14,7 +14,6 @@ from lfportrait.field.closing.grazed import (
     faced_by,
     photo_colors,
     with_even_colors,
-    without_ground,
     without_specks,
 )
 from lfportrait.field.closing.photos import Photos
@@ -129,33 +128,6 @@ def test_hair_that_nothing_faces_has_the_colors_it_was_closed_in(head):
     assert np.array_equal(even.sh[stays], field.sh[stays])
     assert np.abs(0.5 + C0 * even.sh[goes][..., 0] - paint[0, 0]).max() < 1e-6
     assert not even.sh[goes][..., 1:].any()
-
-
-def test_hair_that_photos_do_not_face_has_no_specks_of_ground(head):
-    field, chart, distance = head
-    hair = np.ones(distance.shape, bool)
-    faced = np.broadcast_to(np.where(chart.angle < 0, 0.0, 1.0), distance.shape).copy()
-    grazed = Grazed(chart, distance, faced, None, ~hair, hair, None,
-                    paint=np.full((*distance.shape, 3), (0.3, 0.2, 0.1)))
-    dark = np.zeros_like(field.sh)
-    dark[:, :, 0] = (np.array([0.25, 0.15, 0.05]) - 0.5) / C0
-    specked = dark.copy()
-    specked[::5, :, 0] = (np.array([0.28, 0.18, 0.3]) - 0.5) / C0  # bluish
-    clean = without_ground(replace(field, sh=specked), grazed, replace(field, sh=dark))
-    points = field.lattice_points()
-    near = (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04) & (np.abs(points[:, 1]) < 0.1)
-    left, right = near & (points[:, 0] < -0.1), near & (points[:, 0] > 0.1)
-    assert np.array_equal(clean.sh[left], dark[left])
-    assert np.array_equal(clean.sh[right], specked[right]) and (specked != dark)[right].any()
-    # An ear in it is lighter than hair.
-    places = np.array([[-0.6, 0.0, 0.0]])
-    ears = Ears(places, places / 0.6, np.ones(1, bool), np.zeros((0, 2, 3)), cKDTree(places), 0.2,
-                0.02)
-    kept = without_ground(replace(field, sh=specked), replace(grazed, ears=ears),
-                          replace(field, sh=dark))
-    by_ear = ears.distance(points)[0] < 0.02
-    assert np.array_equal(kept.sh[by_ear], specked[by_ear]) and (specked != dark)[by_ear].any()
-    assert without_ground(field, replace(grazed, hair=None), field) is field
 
 
 def test_next_to_ears_hair_keeps_its_colors(head):

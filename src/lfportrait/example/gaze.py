@@ -1,4 +1,4 @@
-"""Painted eyes that look the same way, and of which both can be made out (docs/turned-faces.md).
+"""Painted eyes that look the same way, and of which both can be made out (docs/people.md).
 
 Both irises are moved within their lids, each by half of it, until they are as parallel as those of
 people are. Where they look is found twice: by MediaPipe's landmarker, which reports a part of an

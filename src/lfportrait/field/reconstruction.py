@@ -30,7 +30,7 @@ from ..progress import Progress, note, say
 from .closing.colors import as_photographed, with_steady_colors
 from .closing.fins import mouth_of, without_beaks, without_fins
 from .closing.fitted_head import FitHead
-from .closing.grazed import Grazed, with_even_colors, without_ground
+from .closing.grazed import Grazed, with_even_colors
 from .closing.sides import close_back, close_sides
 from .config import ReconstructConfig, Settings
 from .geometry.head_surface import HeadSurface, is_narrow
@@ -252,7 +252,6 @@ def _finished(field: VoxelField, trainer: Trainer, landmarks: Floats,
                 field = settled(trainer, field, new=None if closed.grazed is None
                                 else _new(closed.grazed, landmarks, bare))
                 if closed.grazed is not None:
-                    field = without_ground(field, closed.grazed, whole)
                     even = with_even_colors(with_steady_colors(field, cameras, middle),
                                             closed.grazed, whole)
                     field = as_photographed(even, field.sh, cameras, middle)

@@ -228,7 +228,7 @@ class RowLabels:
     """How far the rows of a field lie in each of some regions."""
 
     weights: UInt8  # uint8 [N, R]; 255 is wholly inside.
-    names: tuple[str, ...]  # Names of the R regions, as in `lfportrait.example.PICTURE_LABELS`.
+    names: tuple[str, ...]  # Names of the R regions, as in `lfportrait.labels.PICTURE_LABELS`.
 
     @staticmethod
     def of(styled: VoxelField) -> RowLabels | None:
@@ -297,7 +297,7 @@ def exemplar_regions(exemplar: Exemplar, unit: float, names: Sequence[str],
                      margin: float = 0.0) -> tuple[UInt8, Masks]:
     """An exemplar uint8 [h, w, 3], resized to a face of ``unit`` pixels; its regions, bool [h, w].
 
-    Of the regions wanted, others than `lfportrait.example.PICTURE_LABELS` are left out; one keeps
+    Of the regions wanted, others than `lfportrait.labels.PICTURE_LABELS` are left out; one keeps
     ``margin`` pixels from its borders.
     """
     labels = exemplar.regions().labels()

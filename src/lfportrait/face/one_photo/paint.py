@@ -91,10 +91,10 @@ beside it, may have the face's color: no fitted jaw ends exactly where the photo
 RIM = (0.55, 0.7)
 """Hair that hangs before something has that one's color along its edge: where a photo shows less
 hair than the first it says nothing of it, from the second on all."""
-SQUARELY = 0.2  # Third powers of cosines from which on a forehead is squarely seen.
+SQUARELY = 0.2  # Third powers of cosines from which on a face is squarely seen.
 LINE = (CELL, 2 * CELL)
-"""Up to so far from what photos show of hair's surface it is as that is, hair or bare, from the
-second on hair, portrait units."""
+"""Up to so far from bare skin that is squarely seen, hair that no photo shows is as the hair's
+surface beside it, hair or bare; from the second on it is hair. Portrait units."""
 TURNED = (4.0, 10.0)  # Degrees from which on, and from which on in full, a face hides itself so.
 UNDERSIDE = -0.3  # What faces down by more, as the underside of a nose, is the photo's at an edge.
 LIP = 0.025 / METRES

@@ -136,7 +136,7 @@ _ABOUT, _STANDS = 0.12, 0.03
 _ENDS = 0.05  # Share of the ear's places below its lower end, and above its upper.
 _HIGHER, _LARGER = 0.08, 0.25
 """Portrait units by which an ear is moved up or down, and logarithm by which it grows, at most."""
-_BESIDE = 4  # Pixels around an ear that are looked at.
+_BESIDE = 4  # Pixels further around an ear that are looked at.
 _SHIFT, _TURN, _SIZE = 0.02, np.radians(8.0), 0.08
 """Deviations of an ear's place (portrait units), attitude and size (logarithm) on the model."""
 _NOISE, _COUNT = 0.008, 60.0
@@ -217,6 +217,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, is_skin: IsSkin | No
         return None
     unit = 1.0 / chart.scale
     to_world = np.eye(4) if chart.frame is None else np.linalg.inv(chart.frame)
+    up = to_world[:3, 1] / np.linalg.norm(to_world[:3, 1])
     vertices = head.points @ to_world[:3, :3].T + to_world[:3, 3]
     left = head.points[:, 0] > 0
     skull = _Skull.of(vertices, head.triangles[~head.ears[head.triangles].any(axis=1)],
@@ -228,7 +229,7 @@ def ears_of(head: FittedHead, chart: Chart, photos: Photos, is_skin: IsSkin | No
         points, normals, triangle = mesh_samples(vertices, head.triangles[triangles], STEP * unit)
         mine = own[triangle]
         about = _surface_near(photos, points[mine], _ABOUT * unit, is_skin)[0]
-        begin = _as_high(points, normals, mine, photos, skull, about, unit)
+        begin = _as_high(points, normals, mine, photos, skull, about, unit, up)
         middle = points[mine].mean(axis=0)
         at = begin.of(points, normals, middle, np.ones((len(points), 1)))[0]
         seen = _surface_near(photos, at[mine], _NEAR * unit, is_skin)
@@ -303,9 +304,10 @@ def _surface_near(photos: Photos, points: Float64, reach: float, is_skin: IsSkin
     """Places of what photos see near points [N, 3], and the ways to their cameras; [P, 3] each."""
     tree, places, ways = cKDTree(points), [], []
     for view in _views(len(photos.cameras)):
-        pixels, _ = (part[0] for part in photos.cameras[view].project(points))
-        place, way, colors = photos.surface(int(view), pixels.min(axis=0) - _BESIDE,
-                                            pixels.max(axis=0) + _BESIDE)
+        pixels, depth = (part[0] for part in photos.cameras[view].project(points))
+        beside = _BESIDE + reach * float(photos.cameras.focal[view, 0]) / max(depth.min(), reach)
+        place, way, colors = photos.surface(int(view), pixels.min(axis=0) - beside,
+                                            pixels.max(axis=0) + beside)
         near = np.isfinite(tree.query(place, distance_upper_bound=reach)[0])
         if is_skin is not None and near.any():
             near[near] = is_skin(colors[near])
@@ -333,8 +335,8 @@ class _Move:
 
 
 def _as_high(points: Float64, normals: Float64, own: Bool, photos: Photos, skull: _Skull,
-             places: Float64, unit: float) -> _Move:
-    """What makes an ear end where places [P, 3] around it, which photos see, end.
+             places: Float64, unit: float, up: Float64) -> _Move:
+    """What makes an ear end where places [P, 3] around it, which photos see, end along ``up`` [3].
 
     Fringes make what stands out of a skull longer both upwards and downwards, hair and collars
     make it shorter: then nothing is known.
@@ -350,18 +352,19 @@ def _as_high(points: Float64, normals: Float64, own: Bool, photos: Photos, skull
         places = places[skull.outside(places) > _STANDS * unit]
     if len(places) < _LEAST or not shown.any():
         return none
-    order = np.argsort(points[mine, 1])
+    height = points[mine] @ up
+    order = np.argsort(height)
     total = np.cumsum(shown[order]) / shown.sum()
-    low, high = points[mine[order[np.searchsorted(total, (_ENDS, 1 - _ENDS))]], 1]
-    lowest, highest = np.quantile(places[:, 1], (_ENDS, 1 - _ENDS))
+    low, high = height[order[np.searchsorted(total, (_ENDS, 1 - _ENDS))]]
+    lowest, highest = np.quantile(places @ up, (_ENDS, 1 - _ENDS))
     if (lowest - low) * (highest - high) <= 0:
         return none
     size = float(np.log(max(highest - lowest, 1e-9) / max(high - low, 1e-9)))
-    middle = float(points[own, 1].mean())
-    up = 0.5 * (lowest + highest) - middle - np.exp(size) * (0.5 * (low + high) - middle)
-    if abs(up) > _HIGHER * unit or abs(size) > _LARGER:
+    middle = float((points[own] @ up).mean())
+    by = 0.5 * (lowest + highest) - middle - np.exp(size) * (0.5 * (low + high) - middle)
+    if abs(by) > _HIGHER * unit or abs(size) > _LARGER:
         return none
-    return _Move(np.zeros(3), np.array([0.0, up, 0.0]), size)
+    return _Move(np.zeros(3), by * up, size)
 
 
 def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Float64],

@@ -64,9 +64,6 @@ BESIDE = 3.0
 """Voxels around ears that belong to them: depth maps, not the chart, know where they face."""
 STANDS_OUT = 2.0, 20.0
 """Voxels by which what stands out of the surface, where rays may meet ears, is an ear's, too."""
-ASIDE, LIGHTEST = 0.6, 0.99
-"""What photos face by so much less than wholly, and is lighter in a channel than this share of the
-hair, is the photos' ground that hair at an outline took."""
 NEXT = 3
 """Cells around those of ears in which hair keeps its colors: true ears are not as fitted ones."""
 FACED, SURELY = 0.2, 4
@@ -169,36 +166,6 @@ def without_specks(colors: Float64, covered: Bool, hair: Bool | None) -> Float64
         even = smoothed(light, part, GRAIN) + smoothed(whole - light, part, CHROMA)
         out[part] = even[part]
     return out
-
-
-def without_ground(field: VoxelField, grazed: Grazed, closed: VoxelField) -> VoxelField:
-    """A trained field without specks of the photos' ground in hair that they do not face.
-
-    Parameters
-    ----------
-    field : Without a texture.
-    grazed : Its surface.
-    closed : The same lattice points before the last training, whose colors specks have.
-
-    Returns
-    -------
-    field : The same lattice points and densities.
-    """
-    if grazed.hair is None or grazed.paint is None or not grazed.hair.any():
-        return field
-    places, away = grazed.chart.places(field.lattice_points())
-    deep = (at_places(grazed.distance, places) - away) / float(field.spacing.mean())
-    near = nearest_cells(grazed.hair, places) & (deep > -OUTER) & (deep < INNER)
-    near[near] = at_places(grazed.faced, places[:, near]) < 1.0 - ASIDE
-    lightest = np.quantile(grazed.paint[grazed.hair], LIGHTEST, axis=0)
-    near[near] = (0.5 + C0 * field.sh[near, :, 0] > lightest).any(axis=1)
-    if grazed.ears is not None:  # An ear's skin is lighter than hair, too.
-        near &= ~nearest_cells(grazed.beside, places) | (deep > -STANDS_OUT[0])
-        near[near] = (grazed.ears.distance(field.lattice_points()[near])[0]
-                      > BESIDE * float(field.spacing.mean()))
-    sh = field.sh.copy()
-    sh[near] = closed.sh[near]
-    return replace(field, sh=sh)
 
 
 def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | None = None,

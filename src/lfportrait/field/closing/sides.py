@@ -198,7 +198,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
-        faced = known & (_confidence(surface.facing) > YIELDS)
+        faced = known & finite & (_confidence(surface.facing) > YIELDS)
         ears = ears_of(head, chart, photos,
                        skin_by_color(chart, surface.distance, colors, faced))
         skull = head_distance(head, chart, surface.distance)

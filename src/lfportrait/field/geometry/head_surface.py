@@ -344,7 +344,8 @@ def _touching(middle: Float64, radius: float, cameras: Camera, mattes: Sequence[
     found = least_squares(apart, np.append(middle, radius), loss="soft_l1",
                           f_scale=0.5 * _KNOT_CELL).x
     moved = np.abs(found - np.append(middle, radius)).max()
-    if moved > (_FLAT - 1.0) * 0.5 * radius:  # Something else has that outline.
+    # Something else has that outline.
+    if moved > (_FLAT - 1.0) * 0.5 * radius or not found[3] < 0.5 * _KNOT_MOST:
         return middle, radius
     return found[:3], float(found[3])
 
@@ -353,7 +354,9 @@ def _outline(middle: Float64, radius: float, cameras: Camera, view: int, matte: 
              other: Bool) -> tuple[Float64, Float64]:
     """Rays of a view at the outline around a ball, where that is not the head's: [N, 3] each."""
     (place,), (depth,) = (part[0] for part in cameras[view].project(middle[None]))
-    pixels = float(cameras.focal[view, 0]) * radius / max(float(depth), 1e-6)
+    if depth <= radius:  # The camera is in it, or looks away.
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    pixels = float(cameras.focal[view, 0]) * radius / float(depth)
     turn = np.arange(_WAYS) * 2 * np.pi / _WAYS
     way = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     step = np.arange(_AROUND[0] * pixels, _AROUND[1] * pixels, 0.5)

@@ -1,7 +1,7 @@
 """Many portraits: sitters x styles x displays from one file, on this machine or a Ray cluster.
 
 `jobs_file` reads what is wanted, `plan` draws the graph of stages that share work and knows how far
-it is, `driver` gives the tasks out and writes the index, `runners` do them; `journal` reports it.
+it is, `driver` gives the tasks out, does them and writes the index; `journal` reports it.
 """
 
 import lazy_loader
