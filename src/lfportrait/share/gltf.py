@@ -18,7 +18,7 @@ _VERTICES, _INDICES = 34962, 34963
 class Glb:
     """A scene of one node named ``portrait``, filled bit by bit and then written.
 
-    ``scene`` is the JSON, which `add` extends.
+    ``scene`` is the JSON, which `add` and `add_jpeg` extend.
     """
 
     def __init__(self, extensions: list[str]) -> None:

@@ -703,8 +703,8 @@ def surface_agreement(  # type: ignore[no-untyped-def]
             _add_correlations(totals, own[y], share, shares[k, y], score[y])
 
 
-# Each of these loops is a function of its own, of few arrays: only then are they distinguished at run
-# time and done eight pixels at a time. Lines of sums begin at place 4.
+# Each of these loops is a function of its own, of few arrays: only then are they distinguished at
+# run time and done eight pixels at a time. Lines of sums begin at place 4.
 
 @lean
 def _warped_places(warp, y, places):
