@@ -9,7 +9,12 @@ from lfportrait.capture import Camera
 from lfportrait.errors import UserError
 from lfportrait.example import face_size
 from lfportrait.example.guides.filters import grey, skin_distance
-from lfportrait.example.skin.hair import _classified_hair, around_face, settled_hair
+from lfportrait.example.skin.hair import (
+    _classified_hair,
+    around_face,
+    settled_hair,
+    without_bare_ears,
+)
 from lfportrait.example.skin.sitter import Skin, _clothes, _depth
 from lfportrait.field.surface import SurfaceGraph
 from tests.example.skin.conftest import PIXELS
@@ -220,6 +225,31 @@ def test_a_seam_where_photos_end_is_hair_between_hair_and_skin_between_skin():
     # What photos show for sure stays to the bit.
     sure = (seen == 1) & ~seam
     assert np.array_equal(found[sure], told[sure])
+
+
+@pytest.mark.parametrize("color, bare", [((0.7, 0.53, 0.45), True), ((0.3, 0.2, 0.15), False)],
+                         ids=["in the shade", "under hair"])
+def test_an_ear_that_no_photo_faces_is_hair_only_if_it_looks_so(skin, color, bare):
+    up, angle = np.meshgrid(np.linspace(-0.9, 1.2, 120), np.linspace(-2, 2, 240))
+    up, angle = up.ravel(), angle.ravel()
+    hair = np.clip(10 * (up - 0.4), 0, 1).astype(np.float32)
+    ears = (np.hypot(np.abs(angle) - 1.5, up + 0.2) < 0.2).astype(np.float32)
+    seen = (np.abs(angle) < 1.2).astype(np.float32)
+    hair[ears > 0] = 0.6
+    noise = np.random.default_rng(0).normal(0, 0.02, (len(up), 3))
+    colors = np.where(hair[:, None] > 0.5, (0.35, 0.22, 0.15), (0.9, 0.7, 0.6)) + noise
+    right = (ears > 0) & (angle > 0)
+    colors[ears > 0] = (0.35, 0.22, 0.15)
+    colors[right] = np.array(color) + noise[right]
+    points = np.stack([np.sin(angle), up, np.cos(angle)], axis=1) + skin.plane.origin
+    flat = np.stack([angle * skin.plane.radius, -up * skin.plane.height], axis=1)
+    given = [values.astype(np.float32) for values in (points, colors, flat)]
+    found = without_bare_ears(skin.plane, *given, seen, ears, hair)
+    assert np.array_equal(found[~right], hair[~right])
+    assert np.array_equal(found[right], 0 * hair[right] if bare else hair[right])
+    # What photos show for sure stays, and so does a head of one color.
+    assert np.array_equal(without_bare_ears(skin.plane, *given, seen + 1, ears, hair), hair)
+    assert without_bare_ears(skin.plane, *given, 0 * seen, ears, hair) is hair
 
 
 def test_strands_in_the_color_of_skin_are_hair_and_a_bare_patch_is_not(skin):

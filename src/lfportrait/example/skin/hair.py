@@ -35,6 +35,7 @@ LOWEST = -0.75  # Hair hangs at least this far below the brows (up, in the face'
 BESIDE_NECK, HANGS, LONGEST = (-1.15, -0.85), 0.5, -1.6
 """Where long hair hangs beside the neck (up, in the face's heights), if this share of it there is
 of the crown's color; and how far down it is looked for then."""
+BARE_EAR = 0.6  # Share of an ear whose color is the skin's rather than the hair's, if it is bare.
 BEARD = -0.45, -1.5  # A beard lies between these (up, in the face's heights).
 OTHER = 2.3  # A crown of hair is further than this from the face's colors, in standard deviations.
 GRAPH = 0.025  # Side of the cells that regions are decided in as a whole, over the face's height.
@@ -219,6 +220,30 @@ def settled_hair(graph: SurfaceGraph, hair: Float32, seen: Float32) -> Float32:
     whole = graph.decided(hair, seen * sure + UNSURE * sure)
     firm = seen * sure
     return np.asarray(firm * hair + (1 - firm) * np.clip(3 * whole - 1, 0, 1), np.float32)
+
+
+def without_bare_ears(plane: HeadPlane, points: Float32, colors: Float32, flat: Float32,
+                      seen: Float32, ears: Float32, hair: Float32) -> Float32:
+    """Hair [N] without ears that photos hardly see, if most of such an ear has the skin's color.
+
+    Around an ear lies hair, which goes on over it where photos say nothing.
+    """
+    up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
+    shown = seen > 0.5
+    skin = shown & (angle < 0.7) & (up < 0.3) & (up > -0.9) & (hair < 0.2)
+    locks = shown & (hair > 0.8)
+    if min(skin.sum(), locks.sum()) < 100:
+        return hair
+    out = hair.copy()
+    for side in (points[:, 0] < plane.origin[0], points[:, 0] >= plane.origin[0]):
+        ear = side & (ears > 0.5)
+        chosen = skin | locks | ear
+        away = [skin_distance(colors[chosen], part[chosen], 1.0)[ear[chosen]]
+                for part in (skin, locks)]
+        if ear.any() and np.mean(away[0] < away[1]) > BARE_EAR:
+            hidden = side & ~shown
+            out[hidden] *= 1 - ears[hidden]
+    return out
 
 
 def _classified_hair(plane: HeadPlane, colors: Float32, flat: Float32, seen: Float32, ears: Float32,

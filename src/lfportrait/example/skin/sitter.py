@@ -51,6 +51,7 @@ from .hair import (
     network_hair,
     plausible_hair,
     settled_hair,
+    without_bare_ears,
 )
 
 SIDE = 512  # Side in pixels of the picture that the features are drawn in.
@@ -301,7 +302,8 @@ def _found_hair(plane: HeadPlane, points: Float32, colors: Float32, flat: Float3
             return np.zeros(len(points), np.float32)  # a bald head
     if hair is None or seen.min() >= 1:
         return hair
-    return settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
+    hair = settled_hair(SurfaceGraph.over(points, colors, GRAPH * plane.height), hair, seen)
+    return without_bare_ears(plane, points, colors, flat, seen, ears, hair)
 
 
 def _depth(plane: HeadPlane, points: Float32, shoulders: bool) -> Float64:
