@@ -17,6 +17,8 @@ BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
 """The same of BT.2020 and BT.2100."""
 LUMA = np.array([0.299, 0.587, 0.114], np.float32)
 """Weights of red, green and blue in the luma of sRGB values (BT.601)."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Those in the luminance of linear light (BT.709)."""
 _LUMA = np.array([0.2627, 0.6780, 0.0593], np.float32)
 _WHITE_HLG, _WHITE_PQ = 0.2650, 203.0
 """Where a diffuse white lies (ITU-R BT.2408): scene light of HLG's 75 %, and candela per m2."""

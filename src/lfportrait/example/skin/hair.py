@@ -226,12 +226,14 @@ def without_bare_ears(plane: HeadPlane, points: Float32, colors: Float32, flat: 
                       seen: Float32, ears: Float32, hair: Float32) -> Float32:
     """Hair [N] without ears that photos hardly see, if most of such an ear has the skin's color.
 
-    Around an ear lies hair, which goes on over it where photos say nothing.
+    Around an ear lies hair, which goes on over it where photos say nothing. Of N places in the
+    portrait frame, ``points`` [N, 3], in world units, ``colors`` [N, 3] are sRGB in [0, 1],
+    ``flat`` [N, 2] unwrapped; ``seen``, ``ears`` and ``hair`` [N] in [0, 1].
     """
     up, angle = -flat[:, 1] / plane.height, np.abs(flat[:, 0]) / plane.radius
     shown = seen > 0.5
-    skin = shown & (angle < 0.7) & (up < 0.3) & (up > -0.9) & (hair < 0.2)
     locks = shown & (hair > 0.8)
+    skin, _ = _bare_face(colors, up, shown & (angle < 0.7) & (hair < 0.2), locks)
     if min(skin.sum(), locks.sum()) < 100:
         return hair
     out = hair.copy()

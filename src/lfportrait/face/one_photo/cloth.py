@@ -21,6 +21,7 @@ from scipy import ndimage
 from ... import models
 from ...arrays import Bool, Float32, Float64
 from ...capture import Camera
+from ...color import LUMINANCE
 from ...field import SurfaceGraph
 from ..segmentation import parts as parts_of_network
 from .parts import opened
@@ -217,7 +218,7 @@ def _values(image: Float32) -> Float32:
     linear = np.where(image <= 0.04045, image / 12.92, ((image + 0.055) / 1.055) ** 2.4)
     linear = cv2.GaussianBlur(np.asarray(linear, np.float32), (0, 0), 0.6) + np.float32(DARK)
     red, green, blue = np.moveaxis(linear, 2, 0)
-    return np.asarray(np.dstack([np.log2(linear @ np.array([0.2126, 0.7152, 0.0722], np.float32)),
+    return np.asarray(np.dstack([np.log2(linear @ LUMINANCE.astype(np.float32)),
                                  np.log2(red / green), np.log2(blue / green)]), np.float32)
 
 

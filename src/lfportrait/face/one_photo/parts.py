@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64
+from ...arrays import Bool, Float32, Float64, box_about
 from ...capture import Camera
 
 CELL = 0.0075  # Width of a cell at the head, portrait units (1.6 mm).
@@ -140,8 +140,8 @@ def clean_hair(image: NDArray[np.uint8], hair: NDArray[np.floating], matte: NDAr
 
 def _patches(hair: Bool, person: Bool, lab: Float32, curls: Float32, skin: Float32) -> Bool:
     """Gaps in hair [H, W] that are more like it than like skin, by the colors of both."""
-    rows, columns = (np.flatnonzero(hair.any(axis=axis)) for axis in (1, 0))
-    part = np.s_[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1]
+    part = box_about(hair)
+    assert part is not None
     labels, count = ndimage.label(ndimage.binary_fill_holes(hair[part]) & ~hair[part])
     out = np.zeros(hair.shape, bool)
     means = np.stack([ndimage.mean(lab[part][..., one], labels, np.arange(count + 1))

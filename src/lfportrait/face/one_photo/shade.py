@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...arrays import Float64
+from ...color import LUMINANCE
 
 CELL = 0.02  # Of the lattice that a solid is blurred on at least, portrait units.
 COARSEST = 0.025  # Lattices whose points are further apart tell too little of bends.
@@ -31,7 +32,6 @@ FEWEST = 100  # So few places say nothing of a hue.
 SHARES = (0.02, 0.15, 0.3, 0.5, 0.7, 0.85, 0.98)
 """Quantiles of the lightness that is seen between which hues are known."""
 EVEN = 0.03  # A hue's least deviation, of a logarithm.
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BETWEEN = 0.02, 0.98  # Quantiles of the light that is seen: no place has more of it, or less.
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float32, Float64
+from ...arrays import Bool, Float32, Float64, box_about
 from ...capture import Camera
 from ..head_fit import ear_to_ear
 from ..landmarks import mouth_opening
@@ -67,12 +67,9 @@ def not_skin(colors: Float32, hair: NDArray[np.floating] | None, landmarks: Floa
     cell = float(np.linalg.norm(small.position[0]) / small.focal[0, 0])
     rest, cosine = nearest_samples(small, samples)
     # The head and what lies around it is all that is looked at.
-    rows, columns = (np.flatnonzero(np.isfinite(cosine).any(axis=axis)) for axis in (1, 0))
-    if not len(rows):
+    part = box_about(np.isfinite(cosine), round(3 * WIDE / cell))
+    if part is None:
         return np.zeros(colors.shape[:2], np.float32)
-    more = round(3 * WIDE / cell)
-    part = (slice(max(rows[0] - more, 0), rows[-1] + 1 + more),
-            slice(max(columns[0] - more, 0), columns[-1] + 1 + more))
     reduced = cv2.resize(colors, (width, height), interpolation=cv2.INTER_AREA)
     lab = np.asarray(cv2.cvtColor(reduced, cv2.COLOR_RGB2LAB), np.float32)
     lab[..., 0] *= LIGHTNESS

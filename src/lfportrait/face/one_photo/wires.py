@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial import cKDTree
 
-from ...arrays import Bool, Float64
+from ...arrays import Bool, Float64, box_about
 from ...measure import usable_cores
 from ..glasses import IN_PHOTOS, Spectacles, drawn_spectacles, find_spectacles
 from ..head_fit import View
@@ -193,10 +193,8 @@ def _drawn(shape: tuple[int, ...], found: Spectacles) -> Bool:
 
 def _taken_off(image: Bytes, lines: Bool, width: float) -> Bytes:
     """A photo without lines [H, W] of a width, filled from beside them."""
-    rows, columns = (np.flatnonzero(lines.any(axis=axis)) for axis in (1, 0))
-    margin = round(6 * width) + 8
-    part = tuple(slice(max(int(one[0]) - margin, 0), int(one[-1]) + margin)
-                 for one in (rows, columns))
+    part = box_about(lines, round(6 * width) + 8)
+    assert part is not None
     out = image.copy()
     out[part] = cv2.inpaint(np.ascontiguousarray(image[part]), lines[part].astype(np.uint8),
                             max(width, 3.0), cv2.INPAINT_TELEA)

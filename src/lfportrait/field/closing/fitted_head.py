@@ -8,8 +8,7 @@ A sweep from the front sees an ear's rim and hollow at grazing angles, and nothi
 behind. What photos see there that stands out of the skull and has the skin's color is the ear. If
 both of its ends lie higher than the model's, or both lower, that is made to end there. Then it is
 laid on what is seen (iterated closest points with a similarity that stays near none, Besl and McKay
-1992). What is hidden behind hair, or is past the mattes of most photos,
-is left out.
+1992). What is hidden behind hair, or is past the mattes of most photos, is left out.
 """
 
 from __future__ import annotations
