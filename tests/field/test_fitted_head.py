@@ -151,6 +151,21 @@ def test_a_head_whose_hair_no_photo_shows_has_its_skull_there():
     assert not hair_behind(0.2, low=9.0)[1].any()
 
 
+def test_a_fitted_neck_widens_at_its_sides_and_below_the_jaw_alone():
+    surface = surface_of(0.5)
+    chart, skull = surface.chart, 0.7 * surface.distance
+    found = sides.with_sloping_neck(skull, surface) / surface.distance
+    low = chart.axis[:, 1] < -0.5
+    side = np.abs(np.abs(chart.angle) - np.radians(90)) < np.radians(5)
+    assert np.allclose(found[low][:, side], 1.0)
+    assert np.allclose(found[low][:, np.abs(chart.angle) < np.radians(60)], 0.7)
+    assert np.allclose(found[low][:, np.abs(chart.angle) > np.radians(125)], 0.7)
+    assert np.allclose(found[chart.axis[:, 1] > -0.3], 0.7)
+    # Where the fitted one is wider it stays.
+    assert np.array_equal(sides.with_sloping_neck(1.2 * surface.distance, surface),
+                          1.2 * surface.distance)
+
+
 def photographs(field):
     """An arc of photos of a field, with mattes."""
     found = Camera.arc(np.linspace(-14, 14, 15), distance=5.0, width=SIDE, height=SIDE,

@@ -130,6 +130,26 @@ def test_hair_that_nothing_faces_has_the_colors_it_was_closed_in(head):
     assert not even.sh[goes][..., 1:].any()
 
 
+@pytest.mark.parametrize(("ground", "goes"), [
+    ((0.6, 0.6, 0.62), True), ((0.3, 0.5, 0.3), True), ((0.35, 0.24, 0.19), False)])
+def test_a_patch_of_the_wall_on_skin_goes_and_shade_stays(head, ground, goes):
+    field, chart, distance = head
+    points = field.lattice_points()
+    angle = np.degrees(np.arctan2(points[:, 0], points[:, 2]))
+    skin = np.array((0.7, 0.48, 0.38))
+    patch = (np.abs(angle + 90) < 50) & (np.abs(points[:, 1]) < 0.3)
+    sh = np.zeros_like(field.sh)
+    sh[:, :, 0] = (np.where(patch[:, None], ground, skin) - 0.5) / C0
+    faced = np.broadcast_to(np.where(chart.angle < 0, 0.0, 1.0), distance.shape).copy()
+    grazed = Grazed(chart, distance, faced, None, np.zeros(distance.shape, bool), None, None,
+                    paint=np.full((*distance.shape, 3), skin))
+    even = with_even_colors(replace(field, sh=sh), grazed)
+    middle = (np.abs(angle + 90) < 15) & (np.abs(np.linalg.norm(points, axis=1) - 0.6) < 0.04)
+    middle &= np.abs(points[:, 1]) < 0.1
+    found = np.median(0.5 + C0 * even.sh[middle][..., 0], axis=0)
+    assert np.abs(found - (skin if goes else ground)).max() < 0.05
+
+
 def test_next_to_ears_hair_keeps_its_colors(head):
     field, chart, distance = head
     hair = np.ones(distance.shape, bool)

@@ -152,6 +152,22 @@ def test_the_surface_lies_where_the_face_is(surface):
     assert np.quantile(error, 0.9) < 0.06
 
 
+def test_a_neck_widens_to_the_shoulders_as_outlines_show_it(arc, surface):
+    view = int(np.abs(arc.cameras.position[:, 0]).argmin())
+    pixels = arc.cameras[view].project(surface.chart.points(surface.distance).reshape(-1, 3))[0][0]
+    height = np.repeat(surface.chart.axis[:, 1], surface.distance.shape[1])
+    wide = []
+    # From the jaw to the shoulders' slope; the bust ends in the rows below.
+    for row in range(*(int(np.median(pixels[np.abs(height - at) < 0.02, 1])) for at in
+                       (-0.5, -0.72))):
+        own = pixels[(np.floor(pixels[:, 1]) == row) & (np.abs(height) < 0.85), 0]
+        shown = np.flatnonzero(arc.alphas[view][row] > 127)
+        wide.append((np.ptp(own), len(shown)))
+    own, shown = np.array(wide).T
+    assert len(shown) >= 5 and shown.max() > 1.3 * shown.min()
+    assert np.abs(own - shown).max() < 6  # of 112 pixels; as a tube it is ten too narrow
+
+
 def test_space_before_the_surface_is_clear(surface):
     shape = (40, 48, 40)
     distance, clearance = distance_outside(surface, shape, np.zeros(3), np.full(3, 1.2))

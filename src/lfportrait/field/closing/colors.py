@@ -60,6 +60,23 @@ _OTHER = 0.1  # Logarithm of lightness by which a cell is of another color, and 
 _EXTREME = 0.05
 """Share of the cells that are lighter, and that are darker, than any shade that is laid on."""
 _ROUNDS = 6
+_TINTLESS = 0.1  # Lightness below which colors have hardly any tint.
+_LEAST_TINT = 0.06  # Difference of tints, over lightness, that is noise.
+
+
+def of_another_tint(colors: Float64, usual: Float64) -> Bool:
+    """Which of colors [..., 3] have not half of the tint of ``usual`` [..., 3], or a different one.
+
+    Both are sRGB in [0, 1]. Shade changes lightness; a wall behind is grayer than skin, or of
+    another hue.
+    """
+    def tint(of: Float64) -> Float64:
+        light = of.mean(axis=-1, keepdims=True)
+        return np.asarray((of - light) / np.maximum(light, _TINTLESS), np.float64)
+
+    wanted = tint(usual)
+    least = np.maximum(0.5 * np.linalg.norm(wanted, axis=-1), _LEAST_TINT)
+    return np.asarray(np.linalg.norm(tint(colors) - wanted, axis=-1) > least)
 
 
 def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,

@@ -43,12 +43,14 @@ from ..geometry.head_surface import cosines_of
 from ..grid import Cut, VoxelField
 from ..kernels.march import C0
 from ..trimming import OPAQUE
+from .colors import of_another_tint
 from .fitted_head import Ears
 from .photos import Photos
 
 SQUARELY = 0.5
 """Cosine to the photos that see a place best from which on their colors stay as they are."""
 HAIR_SQUARELY = 0.8  # The same for hair, whose locks hide each other.
+LITTLE = 0.5  # Share of the photos' colors below which those of the ground are looked for.
 BARELY = 0.1, 0.2  # Cosines over which the photos themselves say what colors are.
 BEST = 0.8  # Quantile of the cosines to the photos that counts.
 MEDIAN = (5, 7)
@@ -191,7 +193,8 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
     covered[covered] = (np.abs(distance - grazed.distance) * cosine)[covered] < ON * voxel
     if not covered.any():
         return field
-    even, twice = without_specks(colors, covered, grazed.hair), 1
+    even, twice = without_specks(colors, covered & ~_of_the_ground(grazed, colors),
+                                 grazed.hair), 1
     stays = grazed.faced
     if grazed.hair is not None and grazed.paint is not None:
         even[grazed.hair] = grazed.paint[grazed.hair]
@@ -223,6 +226,17 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
     places = twice * places[:, chosen] + [[0.0], [0.5 * (twice - 1)]]
     colors = np.stack([at_places(even[..., k], places) for k in range(3)], axis=-1)
     return replace(field, sh=_blended(sh, chosen, share[chosen], colors))
+
+
+def _of_the_ground(grazed: Grazed, colors: Float64) -> Bool:
+    """Cells [V, U] of skin that photos only look along, in a color that is not the skin's.
+
+    Where a closed surface stands out of the true outline it takes the color of what is behind.
+    """
+    if grazed.paint is None:
+        return np.zeros(grazed.faced.shape, bool)
+    found = (grazed.faced < LITTLE) & of_another_tint(np.nan_to_num(colors), grazed.paint)
+    return found if grazed.hair is None else found & ~grazed.hair
 
 
 def _with_hair_as_closed(sh: Float32, closed: Float32, rows: Int64, share: Float64) -> Float32:

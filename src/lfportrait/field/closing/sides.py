@@ -154,7 +154,12 @@ the photos' own colors from which on closed colors begin at them."""
 _SHORTEST = 0.05  # Of the circles of rows at the crown, over those below.
 _EVENLY = 2.0  # Sigma, in cells, over which the thickness of hair is evened.
 _THICKENS = (-0.25, 0.25)  # Heights, portrait units, over which hair above a nape becomes thick.
+_BESIDE_NECKS = (65.0, 78.0, 92.0, 110.0), (0.0, 1.0, 1.0, 0.0)
+_BELOW_JAWS = (-0.45, -0.35), (1.0, 0.0)
+"""Angles from the front, degrees, and heights, portrait units, over which a neck may be wider than
+the fitted head's."""
 KNOT = 3  # Cells around a knot that are part of it.
+CRUMB = 5.0  # Cells that a piece at the outlines has at least.
 LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
 
 
@@ -195,6 +200,8 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
+    # Next to nothing else pulls behind: a single crumb there would lift half of a head.
+    rim &= large_pieces(rim | known, np.ones(known.shape), CRUMB)
     guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
@@ -202,7 +209,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
         ears = ears_of(head, chart, photos,
                        skin_by_color(chart, surface.distance, colors, faced))
         skull = head_distance(head, chart, surface.distance)
-        skull = with_hair(skull, chart, distance, faced & ~knotted)
+        skull = with_sloping_neck(with_hair(skull, chart, distance, faced & ~knotted), surface)
         guess = _led(guess, skull, surface, distance, ears)
     base, known = guess.base, guess.known
     shown = (guess.trust > 0) & finite & ~knotted
@@ -300,6 +307,18 @@ def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> F
                       apart=hair)[..., 0]
     taper = np.interp(heights_of(chart, skull), _THICKENS, (0.0, 1.0))
     return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
+
+
+def with_sloping_neck(skull: Float64, surface: HeadSurface) -> Float64:
+    """Distances [V, U] of a fitted head whose neck widens to the shoulders as outlines show it.
+
+    A fitted head ends in a narrow tube. The surface that a field started from touches the outlines
+    at the sides: below the jaw it is followed there where it is wider, and less and less behind.
+    """
+    chart = surface.chart
+    aside = np.interp(np.degrees(np.abs(chart.angle)), *_BESIDE_NECKS)
+    share = np.interp(chart.axis[:, 1], *_BELOW_JAWS)[:, None] * aside
+    return np.asarray(skull + share * np.maximum(surface.distance - skull, 0.0), np.float64)
 
 
 def _confidence(facing: Float64) -> Float64:

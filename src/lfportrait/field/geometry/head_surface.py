@@ -401,6 +401,12 @@ CLEARANCE, GRAZING = 0.06, 0.04
 mm where they look along it or do not see it."""
 _RIM = 0.3  # Cosine from which on photos locate a surface better than the hull that touches it.
 _TAPER = 1.012  # Most growth of a lower face from one row to the row below.
+_ASIDE = 72.0, 88.0
+"""Degrees from the front over which that ends: beside a neck outlines show how it widens."""
+_SLOPE = 0.3  # Logarithm of the growth from row to row that is not too much there.
+_HULL = np.linspace(0.22, 1.0, 42)
+"""Parts of the way along a ray at which mattes are asked whether they rule a place out."""
+_FAR = 2.2  # Distance, over that of the bust, up to which they are: shoulders differ most.
 _TOLD = 0.5  # Trust from which on photos are believed that a face goes on below its chin.
 _ALONG = 0.2  # Cosine up to which photos look along a surface.
 _MOST = 0.3  # Logarithm of the ratio by which a face differs from the generic one at most.
@@ -520,15 +526,17 @@ def _tapered(chart: Chart, distance: Float64, generic: Float64, chin: float, sho
     """The surface without shelves below the mouth: no throat stands before the chin that hides it.
 
     From the mouth down each row is at most a little further out than the one above, and the throat
-    not much further than the generic one, unless photos show it there (``shown``).
+    not much further than the generic one, unless photos show it there (``shown``). At its sides no
+    chin hides a neck, and it may slope to the shoulders from the jaw on.
     """
+    aside = np.interp(np.degrees(np.abs(chart.angle)), _ASIDE, (0.0, 1.0))
     below = np.interp(chart.axis[:, 1], (chin - 0.3, chin - 0.25, chin - 0.01, chin + 0.04),
-                      (1.0, 0.1, 0.1, 1.0))
-    out = np.minimum(distance, generic * np.exp(below)[:, None])
-    front = np.abs(chart.angle) < np.radians(110.0)
+                      (1.0, 0.1, 0.1, 1.0))[:, None]
+    out = np.minimum(distance, generic * np.exp(below + aside * (1.0 - below)))
+    growth = _TAPER * np.exp(_SLOPE * aside)
     rows = np.flatnonzero((chart.axis[:, 1] < chin + 0.12) & (chart.axis[:, 1] > chin - 0.15))
     for row in rows[::-1]:
-        out[row, front] = np.minimum(out[row, front], _TAPER * out[row + 1, front])
+        out[row] = np.minimum(out[row], growth * out[row + 1])
     return np.maximum(out, np.minimum(distance, shown * _TAPER))
 
 
@@ -539,7 +547,7 @@ def _scaled_bust(chart: Chart, generic: Float64, landmarks: Float64, cameras: Ca
     loose = np.interp(chart.axis[:, 1], (-0.95, -0.6), (3e-3, 1e-6))[:, None]
     ratio, weight = _ratio_of_landmarks(chart, generic, landmarks)
     rough = generic * np.exp(roughly_fitted_plate(ratio, weight, 0.5, 0.01, loose))
-    limit = _hull_distance(chart, cameras, mattes, 1.6 * rough)
+    limit = _hull_distance(chart, cameras, mattes, _FAR * rough)
     rim = _rim(chart, np.fmin(rough, limit), cameras) & np.isfinite(limit)
     rim &= (weight == 0) & (_facing(chart, np.fmin(rough, limit), cameras) < _RIM)
     ratio = np.where(rim, np.log(np.where(rim, limit, 1.0) / generic), ratio)
@@ -582,7 +590,7 @@ def _hull_distance(chart: Chart, cameras: Camera, mattes: Sequence[UInt8],
     grown, sizes = stacked([cv2.dilate(matte, np.ones((3, 3), np.uint8)) for matte in mattes])
     found = np.empty(reach.shape)
     hull_along_rays(chart.origins, np.ascontiguousarray(chart.rays), np.ascontiguousarray(reach),
-                    np.linspace(0.3, 1.0, 29), cameras.rows, grown, sizes, 3, found)
+                    _HULL, cameras.rows, grown, sizes, 3, found)
     return np.asarray(ndimage.median_filter(found, 3), np.float64)
 
 
