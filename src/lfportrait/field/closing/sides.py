@@ -200,7 +200,7 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     rim = ~known & finite & (np.abs(np.where(finite, distance, 0) - surface.distance)
                              < APART / chart.scale)
     rim[rim] = photos.seen(chart.points(distance)[rim]) > 0
-    rim = without_crumbs(rim, known)
+    rim = without_crumbs(rim, known, chart)
     guess = _Guess(surface.distance, np.where(known, SURE, np.where(rim, RIM, 0.0)), known,
                    np.full(known.shape, LOOSE), np.full(known.shape, -np.inf), None)
     if head is not None:
@@ -308,12 +308,14 @@ def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> F
     return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
 
 
-def without_crumbs(rim: Bool, known: Bool) -> Bool:
+def without_crumbs(rim: Bool, known: Bool, chart: Chart) -> Bool:
     """Cells [V, U] at outlines that hang together with others, or with what is known.
 
-    Behind next to nothing else tells where a head lies: a single crumb would lift half of it.
+    Behind next to nothing else tells where a head lies: a single crumb would lift half of it. Rays
+    along shoulders meet only crumbs.
     """
-    return rim & large_pieces(rim | known, np.ones(known.shape), CRUMB)
+    body = (chart.axis[:, 1] < NECK)[:, None]
+    return rim & (body | large_pieces(rim | known, np.ones(known.shape), CRUMB))
 
 
 def with_sloping_neck(skull: Float64, surface: HeadSurface) -> Float64:
