@@ -159,7 +159,7 @@ _BELOW_JAWS = (-0.45, -0.35), (1.0, 0.0)
 """Angles from the front, degrees, and heights, portrait units, over which a neck may be wider than
 the fitted head's."""
 KNOT = 3  # Cells around a knot that are part of it.
-CRUMB = 5.0  # Cells that a piece at the outlines has at least.
+CRUMB = 3.0  # Cells that a piece at the outlines has at least.
 LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
 
 
