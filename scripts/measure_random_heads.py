@@ -186,9 +186,10 @@ def main(heads: int, name: str) -> None:
         straight = turned_back(points, points[mine.landmarks[17:]], local[true.landmarks[17:]])
         best = laid_on(points, mine.triangles, local[seen_face(true, view, shape)])
         turned = [fit.views[0].angles[one] - view.angles[one] for one in ("yaw", "pitch")]
+        focal = 100 * np.log(fit.views[0].focal / view.focal)
         found.append((*off(true, view, shape, mine, points),
                       *off(true, view, shape, mine, straight),
-                      *off(true, view, shape, mine, best), *np.abs(turned)))
+                      *off(true, view, shape, mine, best), *np.abs(turned), focal))
         print(f"{number}: " + " ".join(f"{one:.1f}" for one in found[-1]), flush=True)
     means, worst = np.mean(found, axis=0), np.max(found, axis=0)
     print(f"{heads} heads, {mine.name}; millimetres, the worst head in brackets:")
@@ -198,6 +199,9 @@ def main(heads: int, name: str) -> None:
         print(f"{what}: depth of the face {each[0]}, where it is seen squarely {each[1]}, from its "
               f"surface {each[2]}; skull and ears {each[3]}")
     print(f"yaw is off by {means[12]:.1f} degrees, pitch by {means[13]:.1f}")
+    lengths = np.array(found)[:, 14]
+    print(f"the focal length is off by {lengths.mean():+.0f} % in the mean, root mean square "
+          f"{np.sqrt((lengths ** 2).mean()):.0f} %")
 
 
 if __name__ == "__main__":

@@ -85,6 +85,23 @@ def test_two_photos_share_one_shape():
     assert len(fit.views) == 2 and abs(fit.views[1].angles["yaw"] - 40.0) < 3.0
 
 
+def test_every_photo_has_a_likely_distance(monkeypatch):
+    # What a model can't know, all photos of a head show alike: it must not outvote the distance.
+    picture = Picture((SIZE, SIZE), _seen(0.0)[0])
+
+    def unlikely(photos: int) -> float:
+        costs = []
+        for spread in (0.15, 1e6):
+            monkeypatch.setattr(head_fit, "SPREAD", spread)
+            solver = head_fit._Solver(generic_prior(), [picture] * photos, 0.6)
+            solver.solve(1, outlines=False)
+            costs.append(solver.cost)
+        return costs[0] - costs[1]
+
+    assert unlikely(1) == pytest.approx((np.log(0.6 / 0.8) / 0.15) ** 2)
+    assert unlikely(3) == pytest.approx(3 * unlikely(1))
+
+
 # The most turned, and one that is raised.
 @pytest.mark.parametrize("yaw, pitch, away", [
     (-30, -15, 0.9), (6, 20, 0.5), *(pytest.param(*one, marks=pytest.mark.slow) for one in (

@@ -341,7 +341,8 @@ class _Solver:
                 expression=view.expression + part[6:])
         cost += float((held * at ** 2).sum())
         if self.distance is not None:
-            cost += (np.log(self.distance / LIKELY) / SPREAD) ** 2
+            # Of each photo: with one for all, errors that photos share outvoted it.
+            cost += len(self.views) * (np.log(self.distance / LIKELY) / SPREAD) ** 2
         self.cost = cost
 
     def _rows(self, index: int, vertices: Int64, points: Float64,
