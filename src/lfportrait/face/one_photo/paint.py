@@ -46,6 +46,9 @@ photo says nothing, from the second on all. Loose hair lets the ground through, 
 GROOVE = (0.35, 0.6)
 """Cosines of what lies around a place: from the first on its photo's color may count however
 it lies itself, from the second on it does (`_broad`)."""
+SPECK = (0.2, 0.35)
+"""Shares of hair, or of skin, around a place that no photo shows: with less than the first it is
+the other, from the second on as it is."""
 LEAST = 0.25  # No slope is taken for steeper than at this cosine (`_Depths.beside_edge`).
 CELL = 0.03  # Of the finest lattice that colors are spread on, portrait units.
 UPWARDS = 1.8  # Colors come from the sides rather than from above or below.
@@ -626,10 +629,12 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
         close = 1 - _far(shell.on, bald.astype(np.float64), LINE)[part]
         shown = _spread(shell.on[part], own.share[part][:, None], own.best[part], 0)[:, 0]
         out[part] -= unseen[part] * close * (1 - np.clip(2 * shown - 0.5, 0, 1))
-    # Where hair lies on a cheek at a tangent, points of both alternate: their edge is even.
-    met = part | (shell.face & (shell.light == 1))
-    mean = _spread(shell.on[met], out[met][:, None], np.ones(int(met.sum())), 0)[:, 0]
-    out[met] += unseen[met] * (np.clip(SHARPER * (mean - 0.5) + 0.5, 0, 1) - out[met])
+    # Where hair lies on a cheek at a tangent there are specks and threads of each in the other.
+    met = (part | (shell.face & (shell.light == 1))) & (np.abs(shell.away) < 1.5 * shell.voxel)
+    mean = _spread(shell.on[met], out[met][:, None], np.ones(int(met.sum())), 1)[:, 0]
+    least, most = (np.clip((share - SPECK[0]) / (SPECK[1] - SPECK[0]), 0, 1)
+                   for share in (1 - mean, mean))
+    out[met] += unseen[met] * (np.clip(out[met], 1 - least, most) - out[met])
     return np.asarray(out)
 
 
