@@ -89,4 +89,4 @@ def test_hair_and_a_cheek_have_no_specks_of_each_other_where_no_photo_shows_them
     else:
         assert found[thread].max() < 0.3 and found[speck].min() > 0.7
         stays = (np.abs(x) > 0.025) & (np.abs(y) < 0.2) & ~thread & ~speck
-        assert np.abs(found - hair)[stays].max() < 0.05, "an edge, but for two points"
+        assert np.abs(found - hair)[stays].max() < 0.15, "an edge, but for two points"
