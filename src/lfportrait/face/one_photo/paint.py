@@ -629,13 +629,23 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
         close = 1 - _far(shell.on, bald.astype(np.float64), LINE)[part]
         shown = _spread(shell.on[part], own.share[part][:, None], own.best[part], 0)[:, 0]
         out[part] -= unseen[part] * close * (1 - np.clip(2 * shown - 0.5, 0, 1))
-    # Where hair lies on a cheek at a tangent there are specks and threads of each in the other.
-    met = (part | (shell.face & (shell.light == 1))) & (np.abs(shell.away) < 1.5 * shell.voxel)
-    mean = _spread(shell.on[met], out[met][:, None], np.ones(int(met.sum())), 1)[:, 0]
-    least, most = (np.clip((share - SPECK[0]) / (SPECK[1] - SPECK[0]), 0, 1)
-                   for share in (1 - mean, mean))
-    out[met] += unseen[met] * (np.clip(out[met], 1 - least, most) - out[met])
-    return np.asarray(out)
+    return _without_specks(shell, out, unseen)
+
+
+def _without_specks(shell: Shell, hair: Float64, unseen: Float64) -> Float64:
+    """Shares of hair [N] without what is small of hair in a face, or of a face in hair.
+
+    Where hair lies on a cheek at a tangent there are specks and threads of each in the other.
+    """
+    met = (shell.owner == HAIR) | (shell.face & (shell.light == 1))
+    met &= np.abs(shell.away) < 1.5 * shell.voxel
+    out = hair.copy()
+    if met.any():
+        mean = _spread(shell.on[met], hair[met][:, None], np.ones(int(met.sum())), 1)[:, 0]
+        least, most = (np.clip((share - SPECK[0]) / (SPECK[1] - SPECK[0]), 0, 1)
+                       for share in (1 - mean, mean))
+        out[met] += unseen[met] * (np.clip(out[met], 1 - least, most) - out[met])
+    return out
 
 
 def _closed(points: Float64, inside: Bool, bare: Float64, voxel: float = 0.0) -> Float64:
