@@ -190,10 +190,11 @@ class Shot:
         loose = (owner == HAIR) | (owner == BEARD)
         least, full = (np.where(loose, *ends) for ends in zip(LOOSE, FIRM, strict=True))
         share = np.clip((cosine - least) / (full - least), 0, 1)
+        groove = np.zeros(len(points))
         if broad is not None:
             around = (broad * to_eye).sum(axis=1)
-            share = np.maximum(share, np.clip((around - GROOVE[0]) / (GROOVE[1] - GROOVE[0]), 0, 1))
-            cosine = np.maximum(cosine, around)
+            groove = np.clip((around - GROOVE[0]) / (GROOVE[1] - GROOVE[0]), 0, 1)
+            share, cosine = np.maximum(share, groove), np.maximum(cosine, around)
         cells = np.array(solid.all.shape[::-1])
         small = np.floor(pixels / size * cells).astype(np.int64)
         within = (small >= 0).all(axis=1) & (small < cells).all(axis=1)
@@ -203,7 +204,9 @@ class Shot:
         head = np.flatnonzero((owner == HEAD) & (weight > 0))
         weight[head] *= 1 - solid.beside_edge(small[head], far[head], cosine[head],
                                               normals[head, 1] < UNDERSIDE)
-        weight *= 1 - np.where(owner == HAIR, 0.0, solid.behind_face(small, far))
+        # In a face seen from the front what lies behind it is a groove of its own.
+        own = np.where(owner == HAIR, 1.0, groove * (1 - solid.turned))
+        weight *= 1 - (1 - own) * solid.behind_face(small, far)
         curls = np.flatnonzero((owner == HAIR) & (weight > 0))
         bare = np.clip((RIM[1] - hair[curls]) / (RIM[1] - RIM[0]), 0, 1)
         weight[curls] *= 1 - bare * solid.before_gap(small[curls], far[curls])
@@ -467,7 +470,7 @@ def _broad(shell: Shell) -> Float64:
     out = np.zeros_like(shell.on)
     part = (shell.face & (shell.light == 1)) | (shell.owner == HAIR)
     if part.any():
-        mean = _spread(shell.on[part], shell.normals[part], np.ones(int(part.sum())), 0)
+        mean = _spread(shell.on[part], shell.normals[part], np.ones(int(part.sum())), 1)
         out[part] = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]
     return out
 
