@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from lfportrait.capture import Camera
-from lfportrait.face.one_photo.paint import Relief, Shot, _broad, _Depths, _fill, _hairy, _Mean
+from lfportrait.face.one_photo.paint import (
+    DEEP,
+    Relief,
+    Shot,
+    _broad,
+    _Depths,
+    _fill,
+    _hairy,
+    _Mean,
+)
 from lfportrait.face.one_photo.solid import HAIR, HEAD
 
 SIDE = 64
