@@ -112,3 +112,21 @@ def test_the_ground_of_a_groove_is_not_what_lies_behind_a_face(turned, least, mo
     found = shot.look(shell.on, shell.normals, depths, 0.01, shell.owner, _broad(shell))
     weights = found.weight[np.abs(shell.on[:, 0]) < 0.05]
     assert weights.min() >= least and weights.max() <= most
+
+
+def test_an_edge_beside_a_slope_is_as_steep_as_the_slope_itself():
+    # What is steep goes deeper within a pixel: it lies beside no edge, whatever is around it.
+    shell = plain()
+    asked = []
+
+    class Edges(_Depths):
+        def beside_edge(self, at, far, cosine, under):
+            asked.append(cosine)
+            return super().beside_edge(at, far, cosine, under)
+    camera = Camera.arc(np.zeros(1), distance=4.0, width=SIDE, height=SIDE, focal=300.0)
+    flat = np.full((SIDE, SIDE), 4.0)
+    depths = Edges(flat, flat, flat, flat, np.ones_like(flat), 0.01, 1.0)
+    shot = Shot.of(camera, np.full((SIDE, SIDE, 3), 0.5, np.float32), None)
+    found = shot.look(shell.on, shell.normals, depths, 0.01, shell.owner, _broad(shell))
+    assert asked and np.count_nonzero(np.abs(asked[0]) < 0.1) >= 0.9 * shell.wall.sum()
+    assert found.cosine[shell.wall].min() > 0.4

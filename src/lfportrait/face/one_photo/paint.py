@@ -190,7 +190,7 @@ class Shot:
         loose = (owner == HAIR) | (owner == BEARD)
         least, full = (np.where(loose, *ends) for ends in zip(LOOSE, FIRM, strict=True))
         share = np.clip((cosine - least) / (full - least), 0, 1)
-        groove = np.zeros(len(points))
+        groove, slant = np.zeros(len(points)), cosine
         if broad is not None:
             around = (broad * to_eye).sum(axis=1)
             groove = np.clip((around - GROOVE[0]) / (GROOVE[1] - GROOVE[0]), 0, 1)
@@ -202,7 +202,7 @@ class Shot:
         behind = np.where(within, far - solid.all[small[:, 1], small[:, 0]], np.inf)
         weight = np.where(behind < 3.0 * voxel, share * share * (3 - 2 * share), 0.0)
         head = np.flatnonzero((owner == HEAD) & (weight > 0))
-        weight[head] *= 1 - solid.beside_edge(small[head], far[head], cosine[head],
+        weight[head] *= 1 - solid.beside_edge(small[head], far[head], slant[head],
                                               normals[head, 1] < UNDERSIDE)
         # In a face seen from the front what lies behind it is a groove of its own.
         own = np.where(owner == HAIR, 1.0, groove * (1 - solid.turned))
