@@ -181,7 +181,7 @@ def test_a_head_knows_its_hair_whatever_its_color(long):
 def test_hair_fades_into_skin_where_a_photo_says_less_and_less():
     shell = SimpleNamespace(owner=np.array([HAIR, *[HEAD] * 6]),
                             scalp=np.array([False, *[True] * 5, False]),
-                            face=np.ones(7, bool),
+                            face=np.ones(7, bool), light=np.full(7, 0.9),
                             on=np.arange(7.0)[:, None] * [0.3, 0, 0], voxel=0.01,
                             away=np.zeros(7))
     own = SimpleNamespace(best=np.array([1, 0, HIDDEN / 2, 1, 1, 1, 0]),
@@ -200,8 +200,9 @@ def test_hair_that_lies_deep_within_skin_is_not_seen(deep, hairy):
     # A cheek that no photo shows, and something of hair's, in it or on it.
     cheek = np.arange(60.0)[:, None] * [0.01, 0, 0]
     shell = SimpleNamespace(owner=np.repeat([HEAD, HAIR], [60, 20]), scalp=np.zeros(80, bool),
-                            face=np.ones(80, bool), on=np.concatenate([cheek, cheek[:20]]),
-                            away=np.repeat([0.0, deep], [60, 20]), voxel=0.01)
+                            face=np.ones(80, bool), light=np.ones(80), voxel=0.01,
+                            on=np.concatenate([cheek, cheek[:20]]),
+                            away=np.repeat([0.0, deep], [60, 20]))
     unseen = SimpleNamespace(best=np.zeros(80), share=np.zeros(80), square=np.zeros(80))
     found = _hairy(shell, unseen, unseen)[:60]
     assert found[40:].max() == 0
@@ -217,7 +218,7 @@ def test_the_edge_of_hair_on_a_bare_forehead_is_no_dark_line(share, square, hair
     shell = SimpleNamespace(owner=np.repeat([HEAD, HAIR, HAIR], count), away=np.zeros(3 * count),
                             scalp=np.zeros(3 * count, bool), voxel=0.004,
                             face=np.repeat([True, False, False], count),
-                            on=at[:, None] * [0, 1, 0])
+                            light=np.ones(3 * count), on=at[:, None] * [0, 1, 0])
     ledge = slice(count, count + 4)
     best = np.ones(3 * count)
     best[ledge] = 0

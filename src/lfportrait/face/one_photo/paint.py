@@ -43,6 +43,12 @@ LOOSE, FIRM = (0.25, 0.45), (0.15, 0.35)
 """Cosines of incidence of hair and beards, and of all else: below the first (75 and 81 degrees) a
 photo says nothing, from the second on all. Loose hair lets the ground through, and has no surface.
 """
+GROOVE = (0.35, 0.6)
+"""Cosines of what lies around a place: from the first on its photo's color may count however
+it lies itself, from the second on it does (`_broad`)."""
+SPECK = (0.2, 0.35)
+"""Shares of hair, or of skin, around a place that no photo shows: with less than the first it is
+the other, from the second on as it is."""
 LEAST = 0.25  # No slope is taken for steeper than at this cosine (`_Depths.beside_edge`).
 CELL = 0.03  # Of the finest lattice that colors are spread on, portrait units.
 UPWARDS = 1.8  # Colors come from the sides rather than from above or below.
@@ -165,12 +171,12 @@ class Shot:
                                                np.float32))
 
     def look(self, points: Float64, normals: Float64, solid: _Depths, voxel: float,
-             owner: NDArray[np.uint8]) -> Look:
+             owner: NDArray[np.uint8], broad: Float64 | None = None) -> Look:
         """What the photo shows of places [N, 3].
 
         ``solid`` is how deep all lies in the photo; what is three times ``voxel`` (portrait units)
         deeper is hidden. ``owner`` is what they belong to: on a head nothing but skin counts, in a
-        beard nothing below it.
+        beard nothing below it. ``broad`` is how what lies around them faces [N, 3] (`_broad`).
         """
         pixels, far = self.camera.project(points)
         pixels, far = pixels[0], far[0]
@@ -184,6 +190,11 @@ class Shot:
         loose = (owner == HAIR) | (owner == BEARD)
         least, full = (np.where(loose, *ends) for ends in zip(LOOSE, FIRM, strict=True))
         share = np.clip((cosine - least) / (full - least), 0, 1)
+        groove, slant = np.zeros(len(points)), cosine
+        if broad is not None:
+            around = (broad * to_eye).sum(axis=1)
+            groove = np.clip((around - GROOVE[0]) / (GROOVE[1] - GROOVE[0]), 0, 1)
+            share, cosine = np.maximum(share, groove), np.maximum(cosine, around)
         cells = np.array(solid.all.shape[::-1])
         small = np.floor(pixels / size * cells).astype(np.int64)
         within = (small >= 0).all(axis=1) & (small < cells).all(axis=1)
@@ -191,9 +202,11 @@ class Shot:
         behind = np.where(within, far - solid.all[small[:, 1], small[:, 0]], np.inf)
         weight = np.where(behind < 3.0 * voxel, share * share * (3 - 2 * share), 0.0)
         head = np.flatnonzero((owner == HEAD) & (weight > 0))
-        weight[head] *= 1 - solid.beside_edge(small[head], far[head], cosine[head],
+        weight[head] *= 1 - solid.beside_edge(small[head], far[head], slant[head],
                                               normals[head, 1] < UNDERSIDE)
-        weight *= 1 - np.where(owner == HAIR, 0.0, solid.behind_face(small, far))
+        # In a face seen from the front what lies behind it is a groove of its own.
+        own = np.where(owner == HAIR, 1.0, groove * (1 - solid.turned))
+        weight *= 1 - (1 - own) * solid.behind_face(small, far)
         curls = np.flatnonzero((owner == HAIR) & (weight > 0))
         bare = np.clip((RIM[1] - hair[curls]) / (RIM[1] - RIM[0]), 0, 1)
         weight[curls] *= 1 - bare * solid.before_gap(small[curls], far[curls])
@@ -383,6 +396,7 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     faces.density[~shell.whole_face] = 0.0
     own, other = _Mean(len(points)), _Mean(len(points))
     mirror, skin = np.array([-1.0, 1.0, 1.0]), shell.owner == HEAD
+    broad = _broad(shell)
     for shot in shots:
         factor = min(1.0, 1.0 / (shell.voxel * float(shot.camera.focal[0, 0])
                                  / float(np.linalg.norm(shot.camera.position[0]))))
@@ -390,8 +404,8 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
         fine = shot.as_fine_as(shell.voxel)
         with ThreadPoolExecutor(2) as pool:
             coming = pool.submit(fine.look, points * mirror, normals * mirror, depths, shell.voxel,
-                                 shell.owner)
-            look = fine.look(points, normals, depths, shell.voxel, shell.owner)
+                                 shell.owner, broad * mirror)
+            look = fine.look(points, normals, depths, shell.voxel, shell.owner, broad)
         mirrored = coming.result()
         light = _light(points, look.colors, look.weight, own.colors, own.best)
         look = look.beside(mirrored)
@@ -445,6 +459,20 @@ def painted(shell: Shell, shots: list[Shot]) -> Paint:
     shown = own.best * np.maximum(own.share, shell.owner == HAIR)
     grown = np.maximum(shown + (1 - own.best) * hair, beard)
     return Paint(sh, _whole(grown), clothes)
+
+
+def _broad(shell: Shell) -> Float64:
+    """How what lies around a shell's points faces, float64 [N, 3]; 0 where it does not count.
+
+    Rims of lids, wings of noses and the front of hairlines are narrower than what a photo is
+    stretched over. Ears and necks are as they lie.
+    """
+    out = np.zeros_like(shell.on)
+    part = (shell.face & (shell.light == 1)) | (shell.owner == HAIR)
+    if part.any():
+        mean = _spread(shell.on[part], shell.normals[part], np.ones(int(part.sum())), 1)
+        out[part] = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]
+    return out
 
 
 def _grain(points: Float64, normals: Float64, colors: Float64, weight: Float64, asked: Bool,
@@ -600,12 +628,27 @@ def _hairy(shell: Shell, own: _Mean, other: _Mean) -> Float64:
     out[head] = np.maximum(out[head], within * unseen[head])
     # The underside of hair whose edge lies on a bare forehead is none, or a dark line across that.
     bald = (own.square > SQUARELY) & shell.face & (own.share < 0.5)
-    if not bald.any():
-        return np.asarray(out)
-    close = 1 - _far(shell.on, bald.astype(np.float64), LINE)[part]
-    shown = _spread(shell.on[part], own.share[part][:, None], own.best[part], 0)[:, 0]
-    out[part] -= unseen[part] * close * (1 - np.clip(2 * shown - 0.5, 0, 1))
-    return np.asarray(out)
+    if bald.any():
+        close = 1 - _far(shell.on, bald.astype(np.float64), LINE)[part]
+        shown = _spread(shell.on[part], own.share[part][:, None], own.best[part], 0)[:, 0]
+        out[part] -= unseen[part] * close * (1 - np.clip(2 * shown - 0.5, 0, 1))
+    return _without_specks(shell, out, unseen)
+
+
+def _without_specks(shell: Shell, hair: Float64, unseen: Float64) -> Float64:
+    """Shares of hair [N] without what is small of hair in a face, or of a face in hair.
+
+    Where hair lies on a cheek at a tangent there are specks and threads of each in the other.
+    """
+    met = (shell.owner == HAIR) | (shell.face & (shell.light == 1))
+    met &= np.abs(shell.away) < 1.5 * shell.voxel
+    out = hair.copy()
+    if met.any():
+        mean = _spread(shell.on[met], hair[met][:, None], np.ones(int(met.sum())), 1)[:, 0]
+        least, most = (np.clip((share - SPECK[0]) / (SPECK[1] - SPECK[0]), 0, 1)
+                       for share in (1 - mean, mean))
+        out[met] += unseen[met] * (np.clip(out[met], 1 - least, most) - out[met])
+    return out
 
 
 def _closed(points: Float64, inside: Bool, bare: Float64, voxel: float = 0.0) -> Float64:
@@ -668,7 +711,9 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                 cosine = (own.square[place] / np.maximum(own.best[place], 1e-9)) ** (1 / LIT)
                 around = _squarely(at, photo, weight * cosine, found)
                 found += relief.long * (1 - known[:, None]) * (around - found)
-            found *= known[:, None] + (1 - known[:, None]) * _deep(at, relief.free[place])
+            # A hairline's own edge, and a lock's, are as light as what is seen beside them.
+            shade = _deep(at, relief.free[place]) ** _far(at, weight, LINE)[:, None]
+            found *= known[:, None] + (1 - known[:, None]) * shade
         if ring is not None and kind == 3:
             far = _far(at, weight, CLOSE_BY)[:, None]
             along = spread_around(ring[place], photo, weight * own.square[place])
