@@ -9,10 +9,12 @@ from scipy.spatial import cKDTree
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.closing import FittedHead, close_back, fitted_head, sides
 from lfportrait.field.closing.fitted_head import (
+    _WHOLE,
     Ears,
     _as_high,
     _Move,
     _moved,
+    _shown,
     _Skull,
     ears_of,
     head_distance,
@@ -176,12 +178,25 @@ def test_places_that_photos_see_lie_on_the_surface(filmed):
     assert np.abs(np.linalg.norm(places, axis=1) - 0.6).max() < 2 * photos.voxel
     assert np.abs(np.linalg.norm(ways, axis=1) - 1).max() < 1e-9
     assert (ways[:, 2] > 0.9).all()
-    depth, before, even = photos.depth_at(7, places)
-    assert np.abs(depth - before).max() < 2.5 * photos.voxel and even.all()
+    depth, before, around = photos.depth_at(7, places)
+    assert np.abs(depth - before).max() < 2.5 * photos.voxel and around.all()
     # Above and beside it there is none.
     turn = np.linspace(0, np.pi, 50)
     aside = 0.75 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     assert not photos.depth_at(7, aside)[2].any()
+
+
+def test_a_slanting_ear_is_whole_and_one_with_holes_is_torn(filmed):
+    capture, photos = filmed
+    turn, high = np.meshgrid(np.radians(np.linspace(58, 72, 30)), np.linspace(-0.2, 0.2, 30))
+    normals = np.stack([np.sin(turn), high / 0.6, np.cos(turn)], axis=-1).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    shown, whole = _shown(photos, 0.6 * normals, normals, 0.05)
+    assert shown > 0.9 and whole > _WHOLE
+    field = head_field(64)
+    riddled = field.density * (np.random.default_rng(0).random(len(field.density)) < 0.12)
+    holes = Photos(replace(field, density=riddled.astype(np.float32)), capture)
+    assert _shown(holes, 0.6 * normals, normals, 0.05)[1] < _WHOLE
 
 
 def solid(points, triangles, reach=0.2, torn=()):
