@@ -194,9 +194,21 @@ def test_a_slanting_ear_is_whole_and_one_with_holes_is_torn(filmed):
     shown, whole = _shown(photos, 0.6 * normals, normals, 0.05)
     assert shown > 0.9 and whole > _WHOLE
     field = head_field(64)
-    riddled = field.density * (np.random.default_rng(0).random(len(field.density)) < 0.12)
+    riddled = field.density * (np.random.default_rng(0).random(len(field.density)) < 0.08)
     holes = Photos(replace(field, density=riddled.astype(np.float32)), capture)
     assert _shown(holes, 0.6 * normals, normals, 0.05)[1] < _WHOLE
+
+
+def test_the_half_of_an_arc_that_shows_an_ear_says_whether_it_is_there(filmed):
+    _, photos = filmed
+    # Beside the ball, and behind it from one side.
+    across, high = np.meshgrid(np.linspace(0.62, 0.72, 20), np.linspace(-0.1, 0.1, 20))
+    places = np.stack([across, high, np.full_like(high, -0.3)], axis=-1).reshape(-1, 3)
+    ahead = np.broadcast_to([0.0, 0.0, 1.0], places.shape)
+    free = [np.mean(depth < before + 0.06) for depth, before, _ in
+            (photos.depth_at(view, places) for view in range(len(photos.cameras)))]
+    assert np.mean(free) < 0.6 and max(free) > 0.7
+    assert _shown(photos, places, ahead, 0.06)[0] > np.mean(free) + 0.2
 
 
 def solid(points, triangles, reach=0.2, torn=()):

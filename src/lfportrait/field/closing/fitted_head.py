@@ -413,15 +413,15 @@ def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float,
            ) -> tuple[float, float]:
     """Share of an ear's places facing photos that nothing hides, and of these in whole matter.
 
-    An arc sees an ear slantingly: that its depths jump says nothing of holes in it.
+    Of the half of an arc that shows most of it: a cheek hides an ear from the other. An arc sees an
+    ear slantingly: that its depths jump says nothing of holes in it.
     """
-    free = whole = total = 0
+    found = []
     for view in _views(len(photos.cameras)):
         way = photos.cameras.position[view] - points
         faces = (way * normals).sum(axis=1) > _FRONT * np.linalg.norm(way, axis=1)
         depth, before, around = photos.depth_at(int(view), points[faces])
         shows = depth < before + hidden
-        free += int(shows.sum())
-        whole += int((shows & around).sum())
-        total += len(depth)
-    return free / max(total, 1), whole / max(free, 1)
+        found.append((int(shows.sum()), int((shows & around).sum()), len(depth)))
+    free, whole, total = np.sum(sorted(found)[len(found) // 2:], axis=0)
+    return float(free / max(total, 1)), float(whole / max(free, 1))

@@ -270,7 +270,8 @@ class Photos:
         inside = self._matte(view) > 127
         inside &= np.isfinite(self._depths[view])
         row, column = np.nonzero(inside)
-        origins, rays = self.cameras.rays(view, np.stack([column, row], axis=1) + 0.5)
+        pixels = np.asarray(np.stack([column, row], axis=1) + 0.5, np.float64)
+        origins, rays = self.cameras.rays(view, pixels)
         ahead = self.cameras.pose[view, :3, 2]
         return (origins + rays * (self._depths[view][inside] / (rays @ ahead))[:, None], rays)
 
