@@ -59,7 +59,7 @@ def test_a_sunken_side_is_raised_to_the_outlines(filmed, by):
     aside = np.abs(np.abs(chart.angle) - np.radians(90)) < np.radians(10)
     level = np.abs(chart.axis[whole, 1]) < 0.1
     raised = np.linalg.norm(chart.points(found), axis=-1)[whole][level][:, aside]
-    assert np.abs(raised - RADIUS).max() < 0.7 * photos.voxel
+    assert np.abs(raised - RADIUS).max() < photos.voxel
 
 
 def test_mattes_alone_ask_for_it(filmed):

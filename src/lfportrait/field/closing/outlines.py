@@ -18,9 +18,9 @@ from ...simd.threads import side_by_side
 from ..geometry.chart import Chart, at_places, fitted_plate, nearest_cells, normals_of, smoothed
 from .photos import Photos, behind_what_is_seen
 
-ROUNDS = 3  # Times that a surface is raised: a raised part lies nearest to other rays.
-FAR = 16.0  # Voxels from a surface up to which a ray that misses it may raise it.
-WITHIN = 0.5  # Voxels by which a ray must then pass within.
+ROUNDS = 2  # Times that a surface is raised: a raised part lies nearest to other rays.
+NEAR, FAR = 0.5, 16.0
+"""Voxels from a surface from which on, and up to which, a ray that misses it raises it."""
 FIRM, LOOSE = 1.0, 1e-3
 """Weight of what rays ask for, and the pull back to the surface elsewhere: in some five cells it is
 reached."""
@@ -84,13 +84,13 @@ def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float
                 better = (deep > best) & (there[0] >= 0) & (there[0] <= len(distance) - 1)
                 at[better], best[better] = now[better], deep[better]
                 places[:, better] = there[:, better]
-        lacks = (best < 0) & (best > -FAR)
+        lacks = (best < -NEAR) & (best > -FAR)
         return places[:, lacks], best[lacks]
 
     out = np.zeros(gap.shape)
     for places, best in side_by_side(missed, range(len(photos.cameras))):
         row, column = np.rint(places).astype(np.int64)
-        more = (WITHIN - best) * voxel / at_places(cosine, places)
+        more = -best * voxel / at_places(cosine, places)
         np.maximum.at(out, (row, column % gap.shape[1]), more)
     # Beside it nothing is new: what was trained there fills the ray.
     return np.where(gap, out, 0.0)
