@@ -341,6 +341,17 @@ def test_a_gap_that_the_face_hides_from_most_of_an_arc_is_none_of_an_ear(filmed)
     assert photos.matter(np.array([gap, within, deep]), 0.05).tolist() == [0.0, 1.0, 1.0]
 
 
+def test_a_surface_is_not_raised_where_ears_may_lie():
+    chart = bust_chart(0.05)
+    head = head_with_ears()
+    near = sides._about_ears(chart, head)
+    row, column = np.rint(chart.places(head.points[head.ears])[0]).astype(int)
+    assert near[row, column % len(chart.angle)].all()
+    turn = np.abs(np.degrees(chart.angle))
+    assert not near[:, (turn < 40) | (turn > 140)].any() and 0 < near.mean() < 0.2
+    assert not sides._about_ears(chart, None).any()
+
+
 def test_ears_behind_hair_are_left_out(filmed):
     _, photos = filmed
     # Knobs behind the ball: it hides them.
