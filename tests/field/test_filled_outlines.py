@@ -72,3 +72,13 @@ def test_mattes_alone_ask_for_it(filmed):
     # A surface that fills them stays.
     full = ball(chart, RADIUS + 0.06)
     assert filling_outlines(chart, full, gap, Photos(field, capture)) is full
+
+
+def test_what_lies_below_a_chart_asks_for_nothing(filmed):
+    chart = bust_chart(0.04)
+    first = int(np.argmin(np.abs(chart.axis[:, 1])))
+    high = replace(chart, axis=chart.axis[first:], elevation=chart.elevation[first:],
+                   level=chart.level - first)
+    distance, gap, _ = sunken(high, 0.1)
+    missing = lacking(high, distance, gap | True, Photos(*filmed))
+    assert missing.shape == gap.shape and np.isfinite(missing).all()

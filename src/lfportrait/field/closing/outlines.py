@@ -69,11 +69,16 @@ def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float
         places, away = chart.places(points)
         return ((at_places(distance, places) - away) * at_places(cosine, places) / voxel, places)
 
+    def inside(places: Float64) -> Bool:
+        """Which places [2, N] lie between the chart's rows, [N]."""
+        return np.asarray((places[0] >= 0) & (places[0] <= len(distance) - 1))
+
     def missed(view: int) -> tuple[Float64, Float64]:
         """Where rays of a view that miss the surface come nearest: places [2, N], and how near."""
         points, rays = photos.person(view)
         found, places = depth(points)
-        chosen = (found < 0) & nearest_cells(gap, places)
+        # A body goes on below the chart.
+        chosen = (found < 0) & nearest_cells(gap, places) & inside(places)
         points, rays, places, best = points[chosen], rays[chosen], places[:, chosen], found[chosen]
         at = np.zeros(len(points))
         for reach, step in ((_REACH, _STEP), (_STEP - _FINE, _FINE)):
@@ -81,7 +86,7 @@ def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float
             for along in np.arange(-reach, reach + 0.5 * step, step):
                 now = middle + along
                 deep, there = depth(points + (now * voxel)[:, None] * rays)
-                better = (deep > best) & (there[0] >= 0) & (there[0] <= len(distance) - 1)
+                better = (deep > best) & inside(there)
                 at[better], best[better] = now[better], deep[better]
                 places[:, better] = there[:, better]
         lacks = (best < -NEAR) & (best > -FAR)
