@@ -9,10 +9,12 @@ from scipy.spatial import cKDTree
 from lfportrait.capture import Camera, Capture
 from lfportrait.field.closing import FittedHead, close_back, fitted_head, sides
 from lfportrait.field.closing.fitted_head import (
+    _WHOLE,
     Ears,
     _as_high,
     _Move,
     _moved,
+    _shown,
     _Skull,
     ears_of,
     head_distance,
@@ -201,12 +203,37 @@ def test_places_that_photos_see_lie_on_the_surface(filmed):
     assert np.abs(np.linalg.norm(places, axis=1) - 0.6).max() < 2 * photos.voxel
     assert np.abs(np.linalg.norm(ways, axis=1) - 1).max() < 1e-9
     assert (ways[:, 2] > 0.9).all()
-    depth, before, even = photos.depth_at(7, places)
-    assert np.abs(depth - before).max() < 2.5 * photos.voxel and even.all()
+    depth, before, around = photos.depth_at(7, places)
+    assert np.abs(depth - before).max() < 2.5 * photos.voxel and around.all()
     # Above and beside it there is none.
     turn = np.linspace(0, np.pi, 50)
     aside = 0.75 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
     assert not photos.depth_at(7, aside)[2].any()
+
+
+def test_a_slanting_ear_is_whole_and_one_with_holes_is_torn(filmed):
+    capture, photos = filmed
+    turn, high = np.meshgrid(np.radians(np.linspace(58, 72, 30)), np.linspace(-0.2, 0.2, 30))
+    normals = np.stack([np.sin(turn), high / 0.6, np.cos(turn)], axis=-1).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    shown, whole = _shown(photos, 0.6 * normals, normals, 0.05)
+    assert shown > 0.9 and whole > _WHOLE
+    field = head_field(64)
+    riddled = field.density * (np.random.default_rng(0).random(len(field.density)) < 0.08)
+    holes = Photos(replace(field, density=riddled.astype(np.float32)), capture)
+    assert _shown(holes, 0.6 * normals, normals, 0.05)[1] < _WHOLE
+
+
+def test_the_half_of_an_arc_that_shows_an_ear_says_whether_it_is_there(filmed):
+    _, photos = filmed
+    # Beside the ball, and behind it from one side.
+    across, high = np.meshgrid(np.linspace(0.62, 0.72, 20), np.linspace(-0.1, 0.1, 20))
+    places = np.stack([across, high, np.full_like(high, -0.3)], axis=-1).reshape(-1, 3)
+    ahead = np.broadcast_to([0.0, 0.0, 1.0], places.shape)
+    free = [np.mean(depth < before + 0.06) for depth, before, _ in
+            (photos.depth_at(view, places) for view in range(len(photos.cameras)))]
+    assert np.mean(free) < 0.6 and max(free) > 0.7
+    assert _shown(photos, places, ahead, 0.06)[0] > np.mean(free) + 0.2
 
 
 def solid(points, triangles, reach=0.2, torn=()):
@@ -337,6 +364,17 @@ def test_a_gap_that_the_face_hides_from_most_of_an_arc_is_none_of_an_ear(filmed)
     before = [matte[y, x] > 127 for matte, (x, y) in zip(capture.alphas, place)]
     assert 0.7 < np.mean(before) < 0.9
     assert photos.matter(np.array([gap, within, deep]), 0.05).tolist() == [0.0, 1.0, 1.0]
+
+
+def test_a_surface_is_not_raised_where_ears_may_lie():
+    chart = bust_chart(0.05)
+    head = head_with_ears()
+    near = sides._about_ears(chart, head)
+    row, column = np.rint(chart.places(head.points[head.ears])[0]).astype(int)
+    assert near[row, column % len(chart.angle)].all()
+    turn = np.abs(np.degrees(chart.angle))
+    assert not near[:, (turn < 40) | (turn > 140)].any() and 0 < near.mean() < 0.2
+    assert not sides._about_ears(chart, None).any()
 
 
 def test_ears_behind_hair_are_left_out(filmed):

@@ -12,7 +12,7 @@ from lfportrait.demo import demo_landmarks
 from lfportrait.face.capture_head import fit_in_space
 from lfportrait.face.head_prior import generic_prior
 from lfportrait.field import ReconstructConfig, reconstruct_with_figures
-from lfportrait.field.closing import FittedHead, close_sides
+from lfportrait.field.closing import FittedHead, close_sides, sides
 from lfportrait.field.closing.colors import usual_hair
 from lfportrait.field.closing.photos import Coverage
 from lfportrait.field.geometry.chart import continued, fitted_plate
@@ -241,6 +241,19 @@ def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole,
     plain, _ = close_sides(field, surface, arc, None, lambda *parts: None)
     assert np.array_equal(plain.density, closed_alone.density)
     assert np.array_equal(plain.sh, closed_alone.sh)
+
+
+@pytest.mark.slow  # closed once more
+def test_closed_sides_fill_the_outlines_that_photos_show(arc, surface, whole, closed_alone,
+                                                         monkeypatch):
+    monkeypatch.setattr(sides, "filling_outlines", lambda chart, distance, gap, photos: distance)
+    plain, _ = close_sides(whole[0], surface, arc)
+
+    def missing(field):
+        return sum(int(((arc.alphas[view] > 127) & (field.depth(arc.cameras, view)[0] < 0.5)).sum())
+                   for view in arc.training())
+
+    assert missing(closed_alone) < missing(plain)
 
 
 @pytest.mark.slow  # trains a head; knots: test_knots.py

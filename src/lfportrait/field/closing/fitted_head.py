@@ -91,7 +91,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
     places, normals, triangle = mesh_samples(head.points, head.triangles)
     ear = np.asarray(head.ears[head.triangles].any(axis=1))
     skull = ~ear[triangle]
-    row, column, away = _cells(chart, places)
+    row, column, away = cells_of(chart, places)
     rays = np.asarray(_local_rays(chart)[np.clip(row, 0, len(chart.axis) - 1), column])
     chosen = skull & (row >= 0) & (row < len(chart.axis)) & ((rays * normals).sum(axis=1) > FACING)
     cell, away = (row * len(chart.angle) + column)[chosen], away[chosen]
@@ -111,7 +111,7 @@ def head_distance(head: FittedHead, chart: Chart, around: Float64) -> Float64:
         ratio, np.where(known, 1.0, 0.0), 0.5, 0.01, GIVES_WAY)), np.float64)
 
 
-def _cells(chart: Chart, places: Float64) -> tuple[Int64, Int64, Float64]:
+def cells_of(chart: Chart, places: Float64) -> tuple[Int64, Int64, Float64]:
     """Row, column and distance in world units of places [N, 3] in the chart's frame, [N] each."""
     world = places
     if chart.frame is not None:
@@ -144,9 +144,8 @@ _LEAST = 60  # Places of the surface from which on an ear is moved.
 _ROUNDS = 8
 _HIDDEN = 0.05  # Matter so far before an ear, portrait units, hides it.
 _SHOWN = 0.3  # Share of an ear's places that photos must show for it to be there.
-_WHOLE = 0.3
-"""Share of these places at which photos see a surface, of a whole ear: 0.45 to 0.9 in five films,
-0.03 and 0.17 where mattes had been riddled."""
+_WHOLE = 0.6
+"""Share of these places at which photos see matter all around, of a whole ear."""
 _MATTER = 0.7  # Share of the photos that see a place of an ear whose mattes must have matter there.
 _FRONT = 0.25  # Cosine from which on photos see a place of an ear well.
 _ALIKE = 12  # Places that photos show, near one of an ear, whose median is its color.
@@ -412,14 +411,17 @@ def _moved(points: Float64, normals: Float64, own: Bool, seen: tuple[Float64, Fl
 
 def _shown(photos: Photos, points: Float64, normals: Float64, hidden: float,
            ) -> tuple[float, float]:
-    """Share of an ear's places facing photos that nothing hides, and of these at a surface."""
-    free = whole = total = 0
+    """Share of an ear's places facing photos that nothing hides, and of these in whole matter.
+
+    Of the half of an arc that shows most of it: a cheek hides an ear from the other. An arc sees an
+    ear slantingly: that its depths jump says nothing of holes in it.
+    """
+    found = []
     for view in _views(len(photos.cameras)):
         way = photos.cameras.position[view] - points
         faces = (way * normals).sum(axis=1) > _FRONT * np.linalg.norm(way, axis=1)
-        depth, before, even = photos.depth_at(int(view), points[faces])
+        depth, before, around = photos.depth_at(int(view), points[faces])
         shows = depth < before + hidden
-        free += int(shows.sum())
-        whole += int((shows & even).sum())
-        total += len(depth)
-    return free / max(total, 1), whole / max(free, 1)
+        found.append((int(shows.sum()), int((shows & around).sum()), len(depth)))
+    free, whole, total = np.sum(sorted(found)[len(found) // 2:], axis=0)
+    return float(free / max(total, 1)), float(whole / max(free, 1))

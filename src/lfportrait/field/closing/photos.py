@@ -249,27 +249,40 @@ class Photos:
         A photo in which something lies more than ``hidden`` before a point, world units, does not
         see it: the face hides the gap below an ear's lobe from half of an arc. 1 where none does.
         """
-        assert self._capture.alphas is not None
         inside, seen = np.zeros((2, len(points)))
-        for view, photo in enumerate(self._views):
+        for view in range(len(self._views)):
             shown, place, depth = self._shown(view, points)
             free = self._depths[view][place] > depth - hidden
-            size = int(self.cameras.width[view]), int(self.cameras.height[view])
-            matte = cv2.resize(self._capture.alphas[int(photo)], size,
-                               interpolation=cv2.INTER_AREA)
             rows = np.flatnonzero(shown)[free]
             seen[rows] += 1
-            inside[rows] += (matte[place] > 127)[free]
+            inside[rows] += (self._matte(view)[place] > 127)[free]
         return np.where(seen > 0, inside / np.maximum(seen, 1), 1.0)
+
+    def _matte(self, view: int) -> UInt8:
+        """A photo's matte reduced to the camera's size, [H, W]."""
+        assert self._capture.alphas is not None
+        size = int(self.cameras.width[view]), int(self.cameras.height[view])
+        return np.asarray(cv2.resize(self._capture.alphas[int(self._views[view])], size,
+                                     interpolation=cv2.INTER_AREA), np.uint8)
+
+    def person(self, view: int) -> tuple[Float64, Float64]:
+        """Places [P, 3] that a view sees in its matte, and unit directions to them, [P, 3]."""
+        inside = self._matte(view) > 127
+        inside &= np.isfinite(self._depths[view])
+        row, column = np.nonzero(inside)
+        pixels = np.asarray(np.stack([column, row], axis=1) + 0.5, np.float64)
+        origins, rays = self.cameras.rays(view, pixels)
+        ahead = self.cameras.pose[view, :3, 2]
+        return (origins + rays * (self._depths[view][inside] / (rays @ ahead))[:, None], rays)
 
     def depth_at(self, view: int, points: Float64) -> tuple[Float64, Float64, Bool]:
         """Depths of those of points [N, 3] that a view shows, and of what it sees there, [M].
 
-        Also whether that is a surface, [M]: shreds and outlines are none.
+        Also whether there is matter all around, [M]: next to holes and outlines there is not.
         """
         _, place, depth = self._shown(view, points)
         return (depth, np.asarray(self._depths[view][place], np.float64),
-                self._even(self._first[view][place], self._last[view][place]))
+                np.isfinite(self._last[view][place]))
 
     def _even(self, first: Float32, last: Float32) -> Bool:
         """Where the depths of a pixel's neighbours, from first to last, are those of a surface."""

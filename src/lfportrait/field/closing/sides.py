@@ -34,8 +34,9 @@ from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
 from .colors import NAPE, continued_in_shade, hair_cells, heights_of, skin_by_color, usual_hair
-from .fitted_head import Ears, FitHead, FittedHead, ears_of, head_distance
+from .fitted_head import Ears, FitHead, FittedHead, cells_of, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
+from .outlines import filling_outlines
 from .photos import Photos, behind_what_is_seen
 from .shell import FRINGE, Shell, with_shell
 
@@ -158,6 +159,7 @@ _BESIDE_NECKS = (65.0, 78.0, 92.0, 110.0), (0.0, 1.0, 1.0, 0.0)
 _BELOW_JAWS = (-0.45, -0.35), (1.0, 0.0)
 """Angles from the front, degrees, and heights, portrait units, over which a neck may be wider than
 the fitted head's."""
+ABOUT_EARS = 4  # Cells around a fitted head's ears in which the true ones may lie.
 KNOT = 3  # Cells around a knot that are part of it.
 CRUMB = 3.0  # Cells that a piece at the outlines has at least.
 LEAST = 0.003  # Share of the chart that a piece has at least, seen or not.
@@ -216,9 +218,12 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     whole = base * np.exp(fitted_plate(ratio, np.where(knotted, 0.0, guess.trust), 0.5, 0.01,
                                         guess.tension))
     gap = ~known
+    beside = np.zeros(gap.shape, bool) if guess.ears is None else _ear_cells(chart, guess.ears)
     whole = np.maximum(whole, surface.knots)
     area = whole ** 2 * np.cos(chart.elevation)[:, None]
     whole = behind_what_is_seen(chart, whole, gap, photos, nearly=False)
+    # An ear stands out of what a chart can hold.
+    whole = filling_outlines(chart, whole, gap & ~(beside | _about_ears(chart, head)), photos)
     normal = normals_of(chart, smoothed(whole, np.ones_like(known), 1.0))
     cosine = np.maximum((normal * chart.rays).sum(axis=-1), 0.3)
     # Behind the ears that an arc shows lies what lies above them: hair.
@@ -226,7 +231,6 @@ def close_sides(field: VoxelField, surface: HeadSurface, capture: Capture, cut: 
     well = shown_well(chart, chart.points(np.where(finite, distance, whole)), known & finite,
                       photos)
     hair, own = hair_cells(chart, whole, colors, well)
-    beside = np.zeros(gap.shape, bool) if guess.ears is None else _ear_cells(chart, guess.ears)
     # Where photos look along a surface they know its colors better than what was trained.
     there = finite & ~beside & (np.abs(np.where(finite, distance, 0) - whole) * cosine < ON * voxel)
     if hair is not None:
@@ -351,6 +355,17 @@ def _fitted(fit_head: FitHead, surface: HeadSurface, capture: Capture, distance:
         points = points @ chart.frame[:3, :3].T + chart.frame[:3, 3]
         normals = normals @ chart.frame[:3, :3].T / chart.scale
     return fit_head(landmarks, points, normals, trust[used])
+
+
+def _about_ears(chart: Chart, head: FittedHead | None) -> Bool:
+    """Cells of a chart near a fitted head's ears, whether photos show these or not, [V, U]."""
+    found = np.zeros((len(chart.axis), len(chart.angle)), bool)
+    if head is None or not head.ears.any():
+        return found
+    row, column, _ = cells_of(chart, head.points[head.ears])
+    inside = (row >= 0) & (row < len(found))
+    found[row[inside], column[inside]] = True
+    return widened(found, ABOUT_EARS)
 
 
 def _ear_cells(chart: Chart, ears: Ears) -> Bool:
