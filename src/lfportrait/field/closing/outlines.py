@@ -55,7 +55,7 @@ def filling_outlines(chart: Chart, distance: Float64, gap: Bool, photos: Photos)
 
 
 def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float64:
-    """How much longer distances [V, U] must be for photos' outlines to be filled, [V, U].
+    """How much longer distances [V, U] must be for the outlines of two photos to be filled, [V, U].
 
     The parameters are those of `filling_outlines`; world units, 0 where nothing is lacking.
     """
@@ -92,10 +92,13 @@ def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float
         lacks = (best < -NEAR) & (best > -FAR)
         return places[:, lacks], best[lacks]
 
-    out = np.zeros(gap.shape)
+    most, second = np.zeros((2, *gap.shape))
     for places, best in side_by_side(missed, range(len(photos.cameras))):
         row, column = np.rint(places).astype(np.int64)
-        more = -best * voxel / at_places(cosine, places)
-        np.maximum.at(out, (row, column % gap.shape[1]), more)
-    # Beside it nothing is new: what was trained there fills the ray.
-    return np.where(gap, out, 0.0)
+        more = np.zeros(gap.shape)
+        np.maximum.at(more, (row, column % gap.shape[1]),
+                      -best * voxel / at_places(cosine, places))
+        second = np.maximum(second, np.minimum(most, more))
+        most = np.maximum(most, more)
+    # One photo's matte may be wrong. Beside the gap nothing is new: what was trained fills the ray.
+    return np.where(gap, second, 0.0)
