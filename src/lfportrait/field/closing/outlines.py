@@ -12,6 +12,7 @@ single wisp of hair or a notch in a matte raises little.
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from ...arrays import Bool, Float64
 from ...simd.threads import side_by_side
@@ -92,13 +93,16 @@ def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float
         lacks = (best < -NEAR) & (best > -FAR)
         return places[:, lacks], best[lacks]
 
-    most, second = np.zeros((2, *gap.shape))
+    asked, (most, second) = np.zeros(gap.shape, bool), np.zeros((2, *gap.shape))
     for places, best in side_by_side(missed, range(len(photos.cameras))):
         row, column = np.rint(places).astype(np.int64)
         more = np.zeros(gap.shape)
         np.maximum.at(more, (row, column % gap.shape[1]),
                       -best * voxel / at_places(cosine, places))
+        asked |= more > 0
+        # Photos' curves run between each other's cells.
+        more = ndimage.maximum_filter(more, 3, mode=("nearest", "wrap"))
         second = np.maximum(second, np.minimum(most, more))
         most = np.maximum(most, more)
     # One photo's matte may be wrong. Beside the gap nothing is new: what was trained fills the ray.
-    return np.where(gap, second, 0.0)
+    return np.where(gap & asked, second, 0.0)
