@@ -149,6 +149,13 @@ def test_hair_behind_is_as_thick_as_photos_show_it_and_ends_at_the_nape(thick):
     assert not front[height < 0.1].any()
 
 
+def test_bulky_hair_hangs_lower_than_flat_hair():
+    height, flat, _ = hair_behind(0.08)
+    bulky = hair_behind(0.45)[1]
+    nape = (height > -0.25) & (height < 0.0)
+    assert np.all(bulky[nape] / 0.45 > flat[nape] / 0.08 + 0.05)
+
+
 def test_a_head_whose_hair_no_photo_shows_has_its_skull_there():
     assert not hair_behind(0.2, low=9.0)[1].any()
 

@@ -154,7 +154,10 @@ ON, SURELY = 3.0, 0.5
 the photos' own colors from which on closed colors begin at them."""
 _SHORTEST = 0.05  # Of the circles of rows at the crown, over those below.
 _EVENLY = 2.0  # Sigma, in cells, over which the thickness of hair is evened.
-_THICKENS = (-0.25, 0.25)  # Heights, portrait units, over which hair above a nape becomes thick.
+_THICKENS, _BULKY = ((-0.25, 0.25), (-0.35, 0.05)), (0.1, 0.4)
+"""Heights, portrait units, over which hair above a nape becomes thick: flat hair, and hair as bulky as
+curls; and thicknesses beside ears (logarithm of the distance over the skull's) of both."""
+_BESIDE_FACE = np.radians(60.0)  # Angle from the front from which on hair is beside a face.
 _BESIDE_NECKS = (65.0, 78.0, 92.0, 110.0), (0.0, 1.0, 1.0, 0.0)
 _BELOW_JAWS = (-0.45, -0.35), (1.0, 0.0)
 """Angles from the front, degrees, and heights, portrait units, over which a neck may be wider than
@@ -308,8 +311,26 @@ def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> F
     upwards = np.maximum(np.cos(chart.elevation), _SHORTEST) ** 2
     thick = continued(np.where(shown, thick, 0.0)[..., None], shown, upwards=upwards,
                       apart=hair)[..., 0]
-    taper = np.interp(heights_of(chart, skull), _THICKENS, (0.0, 1.0))
+    taper = np.interp(heights_of(chart, skull), _ends_of_hair(thick, chart, skull, shown),
+                      (0.0, 1.0))
     return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
+
+
+def _ends_of_hair(thick: Float64, chart: Chart, skull: Float64, shown: Bool,
+                  ) -> tuple[float, float]:
+    """Heights between which hair becomes thick behind: bulky hair hangs lower.
+
+    The lowest fifth of what photos show of it beside a face tells whether it is.
+    """
+    beside = shown & (np.abs(chart.angle) > _BESIDE_FACE)
+    if not beside.any():
+        return _THICKENS[0]
+    height = heights_of(chart, skull)
+    low = beside & (height <= np.quantile(height[beside], 0.2))
+    bulky = float(np.interp(np.median(thick[low]), _BULKY, (0.0, 1.0)))
+    flat, full = np.array(_THICKENS)
+    lowest, highest = flat + bulky * (full - flat)
+    return float(lowest), float(highest)
 
 
 def without_crumbs(rim: Bool, known: Bool, chart: Chart) -> Bool:
