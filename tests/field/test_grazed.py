@@ -131,7 +131,8 @@ def test_hair_that_nothing_faces_has_the_colors_it_was_closed_in(head):
 
 
 @pytest.mark.parametrize(("ground", "goes"), [
-    ((0.6, 0.6, 0.62), True), ((0.3, 0.5, 0.3), True), ((0.35, 0.24, 0.19), False)])
+    ((0.6, 0.6, 0.62), True), ((0.3, 0.5, 0.3), True), ((0.35, 0.24, 0.19), False),
+    ((0.45, 0.22, 0.14), False)])
 def test_a_patch_of_the_wall_on_skin_goes_and_shade_stays(head, ground, goes):
     field, chart, distance = head
     points = field.lattice_points()

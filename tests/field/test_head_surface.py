@@ -246,8 +246,16 @@ def test_sides_follow_a_head_that_is_fitted_to_what_is_seen(arc, surface, whole,
 @pytest.mark.slow  # closed once more
 def test_closed_sides_fill_the_outlines_that_photos_show(arc, surface, whole, closed_alone,
                                                          monkeypatch):
-    monkeypatch.setattr(sides, "filling_outlines", lambda chart, distance, gap, photos: distance)
+    gaps = []
+
+    def unchanged(chart, distance, gap, photos):
+        gaps.append(gap)
+        return distance
+
+    monkeypatch.setattr(sides, "filling_outlines", unchanged)
     plain, _ = close_sides(whole[0], surface, arc)
+    # Ears stand out of what a chart can hold.
+    assert gaps[0].any() and not gaps[0][sides._about_ears(surface.chart, None)].any()
 
     def missing(field):
         return sum(int(((arc.alphas[view] > 127) & (field.depth(arc.cameras, view)[0] < 0.5)).sum())

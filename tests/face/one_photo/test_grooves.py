@@ -63,20 +63,22 @@ def test_a_slope_as_wide_as_a_cheek_is_not_the_photos():
     assert facing[shell.on[:, 0] > 0.22].max() < 0.3 and facing[shell.on[:, 0] < 0].min() > 0.9
 
 
-def test_a_hairline_is_as_light_as_the_hair_beside_it():
-    # Fair hair of which the front is seen; all that is not lies deep.
+@pytest.mark.parametrize("well", [1.0, 0.45])
+def test_a_hairline_is_as_light_as_the_hair_beside_it(well):
+    # Fair hair of which the front is seen, or only glimpsed; all that is not lies deep.
     shell = plain()
     count = len(shell.on)
     seen = shell.on[:, 0] < 0
     own, other = _Mean(count), _Mean(count)
-    own.weights[:] = own.best[:] = own.square[:] = seen
-    own.total[:] = seen[:, None] * [0.5, 0.4, 0.3, 1.0]
+    own.weights[:] = own.best[:] = own.square[:] = well * seen
+    own.total[:] = well * seen[:, None] * [0.5, 0.4, 0.3, 1.0]
     hair, none = np.ones(count), np.zeros(count)
     found = _fill(shell.on, own, other, (hair, none, none, none), none > 0, None,
                   Relief(shell.normals, np.where(seen, 1.0, 0.3)))
     light = found.mean(axis=1)
     beside, far = (shell.on[:, 0] > 0) & (shell.on[:, 0] < 0.02), shell.on[:, 0] > 0.15
-    assert light[beside].min() > 0.38 and light[far].max() < 0.28
+    assert light[far].max() < 0.28
+    assert well < 0.5 or light[beside].min() > 0.38
 
 
 @pytest.mark.parametrize("seen", [0.0, 1.0])

@@ -712,7 +712,9 @@ def _fill(points: Float64, own: _Mean, other: _Mean, parts: tuple[Float64, ...],
                 around = _squarely(at, photo, weight * cosine, found)
                 found += relief.long * (1 - known[:, None]) * (around - found)
             # A hairline's own edge, and a lock's, are as light as what is seen beside them.
-            shade = _deep(at, relief.free[place]) ** _far(at, weight, LINE)[:, None]
+            shade = _deep(at, relief.free[place])
+            if (weight > 0.5).any():  # else none of it is seen well
+                shade = shade ** _far(at, weight, LINE)[:, None]
             found *= known[:, None] + (1 - known[:, None]) * shade
         if ring is not None and kind == 3:
             far = _far(at, weight, CLOSE_BY)[:, None]

@@ -65,18 +65,21 @@ _LEAST_TINT = 0.06  # Difference of tints, over lightness, that is noise.
 
 
 def of_another_tint(colors: Float64, usual: Float64) -> Bool:
-    """Which of colors [..., 3] have not half of the tint of ``usual`` [..., 3], or a different one.
+    """Which of colors [..., 3] have not half of the tint of ``usual`` [..., 3], or another hue.
 
-    Both are sRGB in [0, 1]. Shade changes lightness; a wall behind is grayer than skin, or of
-    another hue.
+    Both are sRGB in [0, 1]. Shaded skin is darker and has more tint; a wall behind is grayer than
+    skin, or of another hue. Gloss is grayer, too.
     """
     def tint(of: Float64) -> Float64:
         light = of.mean(axis=-1, keepdims=True)
         return np.asarray((of - light) / np.maximum(light, _TINTLESS), np.float64)
 
-    wanted = tint(usual)
-    least = np.maximum(0.5 * np.linalg.norm(wanted, axis=-1), _LEAST_TINT)
-    return np.asarray(np.linalg.norm(tint(colors) - wanted, axis=-1) > least)
+    wanted, found = tint(usual), tint(colors)
+    square = (wanted ** 2).sum(axis=-1)
+    share = (found * wanted).sum(axis=-1) / np.maximum(square, _LEAST_TINT ** 2)
+    across = np.linalg.norm(found - share[..., None] * wanted, axis=-1)
+    less = (share < 0.5) & (square > _LEAST_TINT ** 2)
+    return np.asarray(less | (across > _LEAST_TINT))
 
 
 def continued_colors(colors: Float64, well: Bool, upwards: Float64 | float,

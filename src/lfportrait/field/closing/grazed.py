@@ -94,7 +94,8 @@ class Grazed:
     cut: Cut | None  # What lies below is none of the head.
     photos: Photos | None = None  # What they show; None: only the field tells colors.
     gap: Bool | None = None  # bool [V, U], where the surface is new; None: everywhere.
-    # float64 [V, U, 3], what hair has where photos show nothing; None: it keeps its own colors.
+    # float64 [V, U, 3], the colors it was closed in: hair has them where photos show nothing, and
+    # skin of another tint is none. None: hair keeps its own.
     paint: Float64 | None = None
 
     def new(self) -> tuple[Float64, Float64]:
@@ -193,8 +194,8 @@ def with_even_colors(field: VoxelField, grazed: Grazed, closed: VoxelField | Non
     covered[covered] = (np.abs(distance - grazed.distance) * cosine)[covered] < ON * voxel
     if not covered.any():
         return field
-    even, twice = without_specks(colors, covered & ~_of_the_ground(grazed, colors),
-                                 grazed.hair), 1
+    own = covered & ~_of_the_ground(grazed, colors)
+    even, twice = without_specks(colors, own if own.any() else covered, grazed.hair), 1
     stays = grazed.faced
     if grazed.hair is not None and grazed.paint is not None:
         even[grazed.hair] = grazed.paint[grazed.hair]

@@ -1,12 +1,12 @@
 """A closed surface fills the outlines that photos show of it.
 
 Where photos only look along a surface, a head or a bust is put in the place of what was trained
-there. It may lie within the outlines: then pixels in which all mattes show the person would see the
+there. It may lie within the outlines: then pixels in which mattes show the person would see the
 wall, and what is trained after that sticks rags and haze to the edge. So the surface is raised
 where it lacks such matter. Along each ray that misses it, it is raised where it comes nearest: that
-is the least that fills the ray, and none of the other photos sees past it (`behind_what_is_seen`).
-Each photo gives a curve of such places; a plate that bends little goes on between them, so that a
-single wisp of hair or a notch in a matte raises little.
+is the least that fills the ray, and hardly any other photo sees past it (`behind_what_is_seen`).
+Each photo gives a curve of such places, of which a few must lie near each other; a plate that bends
+little goes on between them. So a wisp of hair or a notch in a matte raises little.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def filling_outlines(chart: Chart, distance: Float64, gap: Bool, photos: Photos)
 
 
 def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float64:
-    """How much longer distances [V, U] must be for the outlines of two photos to be filled, [V, U].
+    """How much longer distances [V, U] must be for photos' outlines to be filled, [V, U].
 
     The parameters are those of `filling_outlines`; world units, 0 where nothing is lacking.
     """
@@ -93,16 +93,17 @@ def lacking(chart: Chart, distance: Float64, gap: Bool, photos: Photos) -> Float
         lacks = (best < -NEAR) & (best > -FAR)
         return places[:, lacks], best[lacks]
 
-    asked, (most, second) = np.zeros(gap.shape, bool), np.zeros((2, *gap.shape))
+    asks = []
     for places, best in side_by_side(missed, range(len(photos.cameras))):
         row, column = np.rint(places).astype(np.int64)
         more = np.zeros(gap.shape)
         np.maximum.at(more, (row, column % gap.shape[1]),
                       -best * voxel / at_places(cosine, places))
-        asked |= more > 0
-        # Photos' curves run between each other's cells.
-        more = ndimage.maximum_filter(more, 3, mode=("nearest", "wrap"))
-        second = np.maximum(second, np.minimum(most, more))
-        most = np.maximum(most, more)
-    # One photo's matte may be wrong. Beside the gap nothing is new: what was trained fills the ray.
-    return np.where(gap & asked, second, 0.0)
+        asks.append(more)
+    asked = gap & (np.max(asks, axis=0) > 0)
+    # Photos' curves run between each other's cells.
+    wide = [ndimage.maximum_filter(more, 3, mode=("nearest", "wrap")) for more in asks]
+    # Mattes of a few photos may be wrong. Beside the gap nothing is new: what was trained there
+    # fills the ray.
+    several = np.sort(wide, axis=0)[-min(photos.enough + 1, len(wide))]
+    return np.where(asked, several, 0.0)

@@ -155,13 +155,15 @@ the photos' own colors from which on closed colors begin at them."""
 _SHORTEST = 0.05  # Of the circles of rows at the crown, over those below.
 _EVENLY = 2.0  # Sigma, in cells, over which the thickness of hair is evened.
 _THICKENS, _BULKY = ((-0.25, 0.25), (-0.35, 0.05)), (0.1, 0.4)
-"""Heights, portrait units, over which hair above a nape becomes thick: flat hair, and hair as bulky as
-curls; and thicknesses beside ears (logarithm of the distance over the skull's) of both."""
+"""Heights, portrait units, over which hair above a nape becomes thick: flat hair, and hair as bulky
+as curls; and thicknesses beside ears (logarithm of the distance over the skull's) of both."""
 _BESIDE_FACE = np.radians(60.0)  # Angle from the front from which on hair is beside a face.
 _BESIDE_NECKS = (65.0, 78.0, 92.0, 110.0), (0.0, 1.0, 1.0, 0.0)
 _BELOW_JAWS = (-0.45, -0.35), (1.0, 0.0)
 """Angles from the front, degrees, and heights, portrait units, over which a neck may be wider than
 the fitted head's."""
+_USUAL_EARS = (-0.30, 0.15, 70.0, 115.0)
+"""Heights, portrait units, and angles from the front, degrees, between which most ears lie."""
 ABOUT_EARS = 4  # Cells around a fitted head's ears in which the true ones may lie.
 KNOT = 3  # Cells around a knot that are part of it.
 CRUMB = 3.0  # Cells that a piece at the outlines has at least.
@@ -334,10 +336,10 @@ def _ends_of_hair(thick: Float64, chart: Chart, skull: Float64, shown: Bool,
 
 
 def without_crumbs(rim: Bool, known: Bool, chart: Chart) -> Bool:
-    """Cells [V, U] at outlines that hang together with others, or with what is known.
+    """Cells [V, U] at outlines, without pieces of one or two that hang together with nothing.
 
-    Behind next to nothing else tells where a head lies: a single crumb would lift half of it. Rays
-    along shoulders meet only crumbs.
+    Behind next to nothing else tells where a head lies: a single one would lift half of it. Rays
+    along shoulders meet only crumbs: there all stay.
     """
     body = (chart.axis[:, 1] < NECK)[:, None]
     return rim & (body | large_pieces(rim | known, np.ones(known.shape), CRUMB))
@@ -379,9 +381,16 @@ def _fitted(fit_head: FitHead, surface: HeadSurface, capture: Capture, distance:
 
 
 def _about_ears(chart: Chart, head: FittedHead | None) -> Bool:
-    """Cells of a chart near a fitted head's ears, whether photos show these or not, [V, U]."""
+    """Cells of a chart near a fitted head's ears, whether photos show these or not, [V, U].
+
+    Without such a head: where most heads have ears.
+    """
     found = np.zeros((len(chart.axis), len(chart.angle)), bool)
     if head is None or not head.ears.any():
+        low, high, before, behind = _USUAL_EARS
+        aside = np.degrees(np.abs(chart.angle))
+        found[np.ix_((chart.axis[:, 1] > low) & (chart.axis[:, 1] < high) & (chart.elevation == 0),
+                     (aside > before) & (aside < behind))] = True
         return found
     row, column, _ = cells_of(chart, head.points[head.ears])
     inside = (row >= 0) & (row < len(found))

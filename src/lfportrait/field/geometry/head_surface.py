@@ -402,7 +402,8 @@ mm where they look along it or do not see it."""
 _RIM = 0.3  # Cosine from which on photos locate a surface better than the hull that touches it.
 _TAPER = 1.012  # Most growth of a lower face from one row to the row below.
 _ASIDE = 72.0, 88.0
-"""Degrees from the front over which that ends: beside a neck outlines show how it widens."""
+"""Degrees from the front over which that ends, for what lies behind as well: beside a neck outlines
+show how it widens."""
 _SLOPE = 0.3  # Logarithm of the growth from row to row that is not too much there.
 _HULL = np.linspace(0.22, 1.0, 42)
 """Parts of the way along a ray at which mattes are asked whether they rule a place out."""
