@@ -22,8 +22,8 @@ from .photos import Photos, behind_what_is_seen
 ROUNDS = 2  # Times that a surface is raised: a raised part lies nearest to other rays.
 NEAR, FAR = 0.5, 16.0
 """Voxels from a surface from which on, and up to which, a ray that misses it raises it."""
-FIRM, LOOSE = 1.0, 1e-3
-"""Weight of what rays ask for, and the pull back to the surface elsewhere: in some five cells it is
+FIRM, LOOSE = 1.0, 1e-2
+"""Weight of what rays ask for, and the pull back to the surface elsewhere: in some three cells it is
 reached."""
 STAYS = 10.0  # Weight of what stays where it is.
 _REACH, _STEP, _FINE = 60.0, 3.0, 0.75
