@@ -341,7 +341,7 @@ class _Solver:
                 expression=view.expression + part[6:])
         cost += float((held * at ** 2).sum())
         if self.distance is not None:
-            # Of each photo: with one for all, errors that photos share outvoted it.
+            # Of each photo: errors that photos share would outvote one for all.
             cost += len(self.views) * (np.log(self.distance / LIKELY) / SPREAD) ** 2
         self.cost = cost
 

@@ -186,8 +186,8 @@ _HAIRLINE = np.array([
 """Where hair begins on most heads: before the crown, above and behind the ears, at the nape."""
 _FACE = (-0.30, -0.02), np.radians(40.0)
 """Heights of the cheeks, and how far from the front they reach."""
-_EAR = (-0.30, 0.15, 78.0)
-"""Heights of ears, and degrees from the front from which on they are looked at."""
+EARS = (-0.30, 0.15, 78.0)
+"""Heights of most ears, portrait units, and degrees from the front at which they begin."""
 _CROWN = 0.12  # What lies so much higher than most hairlines shows the crown.
 _ALIKE = 2.0
 """Colors of crown and face are one if their middles are less far apart, over their spread."""
@@ -226,7 +226,7 @@ def hair_cells(chart: Chart, distance: Float64, colors: Float64, well: Bool,
     inner = (aside < 60.0) & (height < 0.05)
     vote = np.where(inner, 0.0, vote)
     # An ear's skin says nothing of what lies behind it.
-    low, high, before = _EAR
+    low, high, before = EARS
     ear = (height > low) & (height < high) & (aside > before) & (vote < 0.5)
     trust = np.where(well & ~ear, (2 * vote - 1) ** 2, 0.0) + _USUAL
     graph = SurfaceGraph.over(chart.points(distance).reshape(-1, 3),

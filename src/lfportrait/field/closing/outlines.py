@@ -23,8 +23,8 @@ ROUNDS = 2  # Times that a surface is raised: a raised part lies nearest to othe
 NEAR, FAR = 0.5, 16.0
 """Voxels from a surface from which on, and up to which, a ray that misses it raises it."""
 FIRM, LOOSE = 1.0, 1e-2
-"""Weight of what rays ask for, and the pull back to the surface elsewhere: in some three cells it is
-reached."""
+"""Weight of what rays ask for, and the pull back to the surface elsewhere: in some three cells it
+is reached."""
 STAYS = 10.0  # Weight of what stays where it is.
 _REACH, _STEP, _FINE = 60.0, 3.0, 0.75
 """Voxels along a ray, from what it was trained to meet, in which it is looked for where it comes

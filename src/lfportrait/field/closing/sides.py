@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ...arrays import Bool, Float64
+from ...arrays import Bool, Float64, Int64
 from ...capture import Camera, Capture, portrait_frame_from_landmarks
 from ..geometry.chart import (
     Chart,
@@ -33,7 +33,15 @@ from ..geometry.chart import (
 from ..geometry.head_surface import HeadSurface
 from ..grid import Cut, VoxelField
 from ..trimming import OPAQUE
-from .colors import NAPE, continued_in_shade, hair_cells, heights_of, skin_by_color, usual_hair
+from .colors import (
+    EARS,
+    NAPE,
+    continued_in_shade,
+    hair_cells,
+    heights_of,
+    skin_by_color,
+    usual_hair,
+)
 from .fitted_head import Ears, FitHead, FittedHead, cells_of, ears_of, head_distance
 from .grazed import Grazed, faced_by, photo_colors
 from .outlines import filling_outlines
@@ -162,8 +170,7 @@ _BESIDE_NECKS = (65.0, 78.0, 92.0, 110.0), (0.0, 1.0, 1.0, 0.0)
 _BELOW_JAWS = (-0.45, -0.35), (1.0, 0.0)
 """Angles from the front, degrees, and heights, portrait units, over which a neck may be wider than
 the fitted head's."""
-_USUAL_EARS = (-0.30, 0.15, 70.0, 115.0)
-"""Heights, portrait units, and angles from the front, degrees, between which most ears lie."""
+_EARS_END = 105.0  # Degrees from the front at which most ears end.
 ABOUT_EARS = 4  # Cells around a fitted head's ears in which the true ones may lie.
 KNOT = 3  # Cells around a knot that are part of it.
 CRUMB = 3.0  # Cells that a piece at the outlines has at least.
@@ -313,21 +320,20 @@ def with_hair(skull: Float64, chart: Chart, distance: Float64, shown: Bool) -> F
     upwards = np.maximum(np.cos(chart.elevation), _SHORTEST) ** 2
     thick = continued(np.where(shown, thick, 0.0)[..., None], shown, upwards=upwards,
                       apart=hair)[..., 0]
-    taper = np.interp(heights_of(chart, skull), _ends_of_hair(thick, chart, skull, shown),
-                      (0.0, 1.0))
+    height = heights_of(chart, skull)
+    beside = shown & (np.abs(chart.angle) > _BESIDE_FACE)
+    taper = np.interp(height, _ends_of_hair(thick, height, beside), (0.0, 1.0))
     return np.asarray(np.where(hair, skull * np.exp(taper * thick), skull), np.float64)
 
 
-def _ends_of_hair(thick: Float64, chart: Chart, skull: Float64, shown: Bool,
-                  ) -> tuple[float, float]:
-    """Heights between which hair becomes thick behind: bulky hair hangs lower.
+def _ends_of_hair(thick: Float64, height: Float64, beside: Bool) -> tuple[float, float]:
+    """Heights, portrait units, between which hair becomes thick behind: bulky hair hangs lower.
 
-    The lowest fifth of what photos show of it beside a face tells whether it is.
+    Of cells [V, U], ``thick`` is how thick hair is (logarithm of the distance over the skull's),
+    and ``beside`` where photos show it beside a face. The lowest fifth of that tells.
     """
-    beside = shown & (np.abs(chart.angle) > _BESIDE_FACE)
     if not beside.any():
         return _THICKENS[0]
-    height = heights_of(chart, skull)
     low = beside & (height <= np.quantile(height[beside], 0.2))
     bulky = float(np.interp(np.median(thick[low]), _BULKY, (0.0, 1.0)))
     flat, full = np.array(_THICKENS)
@@ -346,7 +352,7 @@ def without_crumbs(rim: Bool, known: Bool, chart: Chart) -> Bool:
 
 
 def with_sloping_neck(skull: Float64, surface: HeadSurface) -> Float64:
-    """Distances [V, U] of a fitted head whose neck widens to the shoulders as outlines show it.
+    """Distances [V, U], world units, of a fitted head whose neck widens as outlines show it.
 
     A fitted head ends in a narrow tube. The surface that a field started from touches the outlines
     at the sides: below the jaw it is followed there where it is wider, and less and less behind.
@@ -385,23 +391,23 @@ def _about_ears(chart: Chart, head: FittedHead | None) -> Bool:
 
     Without such a head: where most heads have ears.
     """
-    found = np.zeros((len(chart.axis), len(chart.angle)), bool)
-    if head is None or not head.ears.any():
-        low, high, before, behind = _USUAL_EARS
-        aside = np.degrees(np.abs(chart.angle))
-        found[np.ix_((chart.axis[:, 1] > low) & (chart.axis[:, 1] < high) & (chart.elevation == 0),
-                     (aside > before) & (aside < behind))] = True
-        return found
-    row, column, _ = cells_of(chart, head.points[head.ears])
-    inside = (row >= 0) & (row < len(found))
-    found[row[inside], column[inside]] = True
-    return widened(found, ABOUT_EARS)
+    if head is not None and head.ears.any():
+        return _cells_about(chart, *cells_of(chart, head.points[head.ears])[:2], ABOUT_EARS)
+    low, high, begin = EARS
+    height, aside = chart.axis[:, 1], np.degrees(np.abs(chart.angle))
+    usual = (height > low) & (height < high) & (chart.elevation == 0)
+    return widened(usual[:, None] & (aside > begin) & (aside < _EARS_END), ABOUT_EARS)
 
 
 def _ear_cells(chart: Chart, ears: Ears) -> Bool:
     """Cells of a chart whose rays meet ears, and those next to them, [V, U]."""
-    found = np.zeros((len(chart.axis), len(chart.angle)), bool)
     row, column = np.rint(chart.places(ears.points[ears.own])[0]).astype(np.int64)
+    return _cells_about(chart, row, column, 1)
+
+
+def _cells_about(chart: Chart, row: Int64, column: Int64, by: int) -> Bool:
+    """Cells of a chart in rows and columns [N] of it, and up to so many beside them, [V, U]."""
+    found = np.zeros((len(chart.axis), len(chart.angle)), bool)
     inside = (row >= 0) & (row < len(found))
     found[row[inside], column[inside] % found.shape[1]] = True
-    return widened(found, 1)
+    return widened(found, by)
